@@ -1,0 +1,1 @@
+"""Stage 2: records to speed and angle of attack, with 1-sigma."""

@@ -1,0 +1,76 @@
+"""What was skipped, clipped or doubted, and what stops a mission: always in one line a person can act on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from difflib import get_close_matches
+from typing import Literal
+
+Severity = Literal["note", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One observation about the data: which file, where, what was found, what was expected, what to do.
+
+    Attributes
+    ----------
+    severity
+        ``note`` (for the record), ``warning`` (doubted or left out), ``error`` (a file or instrument is lost).
+    file
+        File name relative to the mission folder, or the instrument or stage concerned.
+    where
+        Where in it: a row, a time, a column; may be empty.
+    found, expected, remedy
+        The three parts of the sentence; ``remedy`` may be empty for a note.
+    """
+
+    severity: Severity
+    file: str
+    where: str
+    found: str
+    expected: str = ""
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}: {self.where}" if self.where else self.file
+        parts = [f"{place}: found {self.found}"]
+        if self.expected:
+            parts.append(f"expected {self.expected}")
+        if self.remedy:
+            parts.append(self.remedy)
+        return "; ".join(parts)
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the finding as plain strings, for summary.json."""
+        return asdict(self)
+
+
+class InputError(Exception):
+    """Input that a mission cannot be analysed without; its text is one line in the shape of a `Finding`."""
+
+    def __init__(
+        self, file: str, where: str = "", *, found: str, expected: str = "", remedy: str = ""
+    ) -> None:
+        self.finding = Finding("error", file, where, found, expected, remedy)
+        super().__init__(str(self.finding))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (self.finding,)
+
+
+def _rebuild(finding: Finding) -> InputError:
+    """Recreate an `InputError` in another process."""
+    return InputError(
+        finding.file,
+        finding.where,
+        found=finding.found,
+        expected=finding.expected,
+        remedy=finding.remedy,
+    )
+
+
+def nearest(word: str, known: list[str]) -> str:
+    """Return ``did you mean 'x'?`` for the known name nearest to `word`, or the list of known names."""
+    match = get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"did you mean '{match[0]}'?" if match else "known: " + ", ".join(sorted(known))

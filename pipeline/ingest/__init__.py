@@ -1,0 +1,1 @@
+"""Stage 1: logs to canonical records."""

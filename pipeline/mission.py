@@ -1,0 +1,195 @@
+"""A mission: a folder of logs and its mission.yaml, strict to the last key."""
+
+from __future__ import annotations
+
+import types
+import typing
+from pathlib import Path
+from typing import Any, Literal, Union
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.findings import InputError, nearest
+
+FILE = "mission.yaml"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PitchCorrection(_Strict):
+    """Calibration of the attitude sensor: pitch = scale · logged + offset, with the 1-sigma that remains."""
+
+    scale: float = Field(1.0, gt=0.2, lt=5.0)
+    offset_rad: float = Field(0.0, gt=-0.5, lt=0.5)
+    std_deg: float = Field(0.3, ge=0.0, lt=10.0, description="1-sigma of the remaining pitch bias")
+
+
+class Ballast(_Strict):
+    """What the vehicle weighs and displaces; net buoyancy follows from these and the engine's volume."""
+
+    mass: float | None = Field(None, gt=0, description="kg; from the vehicle file if left out")
+    volume: float | None = Field(None, gt=0, description="m3, hull at the surface, engine at zero")
+    neutral_density: float | None = Field(
+        None, gt=900, lt=1100, description="kg/m3, density in which the vehicle hangs with the engine at zero"
+    )
+    std: float = Field(0.3, ge=0, description="N, 1-sigma of the constant part of net buoyancy")
+
+    @model_validator(mode="after")
+    def _one_of(self) -> Ballast:
+        if self.volume is not None and self.neutral_density is not None:
+            raise ValueError("give volume or neutral_density, not both")
+        return self
+
+
+class TableColumn(_Strict):
+    """One column of a plain table: its name in the file and its unit."""
+
+    column: str
+    unit: str | None = None
+
+
+class Table(_Strict):
+    """How a plain table is to be read; what is left out is guessed from the header, and the guess is listed."""
+
+    time: TableColumn | None = None
+    timezone: str = Field("UTC", description="IANA name of the zone that times without one are in")
+    columns: dict[str, TableColumn | str] = Field(
+        default_factory=dict, description="canonical name: column in the file (and its unit)"
+    )
+    ignore: list[str] = Field(default_factory=list, description="columns not to be read")
+
+
+class Nominal(_Strict):
+    """Settings and published results of one part of a trial, for the table of the paper's Section 5."""
+
+    name: str
+    net_buoyancy: float = Field(description="N, up positive")
+    propeller_speed_rpm: float = Field(0.0, ge=0, le=6000)
+    pitch_deg: float | None = Field(None, ge=-90, le=90, description="measured mean pitch")
+    density: float | None = Field(
+        None, gt=900, lt=1100, description="kg/m3; the vehicle's reference if left out"
+    )
+    published_speed: float | None = Field(None, gt=0, description="m/s, measured speed as published")
+    published_theory_speed: float | None = Field(
+        None, gt=0, description="m/s, theoretical speed as published"
+    )
+    published_theory_pitch_deg: float | None = None
+    direction: Literal["up", "down", "level"] | None = Field(
+        None, description="blocks this part is compared with: climbs, dives, or level flight"
+    )
+    powered: bool | None = None
+    source: str = ""
+
+
+class Mission(_Strict):
+    """One mission. `vehicle` is the only key that must be given."""
+
+    vehicle: str
+    name: str = Field("", description="defaults to the folder's name")
+    description: str = ""
+    format: Literal["auto", "slocum", "seaglider", "table"] = "auto"
+    latitude: float | None = Field(None, ge=-90, le=90, description="where the logs carry no position")
+    longitude: float | None = Field(None, ge=-180, le=360)
+    pitch: PitchCorrection = PitchCorrection()
+    ballast: Ballast = Ballast()
+    coefficients: dict[str, float] = Field(default_factory=dict, description="overrides of the vehicle file")
+    files: dict[str, Table] = Field(default_factory=dict, description="plain tables by file name")
+    salinity: Literal["measured", "baltic", "fresh"] = Field(
+        "measured", description="'baltic': Baltic absolute salinity; 'fresh': no conductivity needed"
+    )
+    speed_sensor: Literal["check", "use", "ignore"] = Field(
+        "check", description="a speed sensor is held out as a check, used by the estimator, or ignored"
+    )
+    gps: Literal["use", "ignore"] = "use"
+    dives: tuple[int, int] | None = Field(None, description="first and last dive to analyse")
+    minimum_block_s: float = Field(60.0, gt=0)
+    block_s: float = Field(300.0, gt=0, description="length at which steady flight is cut into blocks")
+    nominal: list[Nominal] = Field(default_factory=list)
+    folder: Path = Field(Path(), exclude=True)
+
+    @property
+    def slug(self) -> str:
+        """The name under which results are filed."""
+        return self.name or self.folder.name
+
+
+def load(folder: Path) -> Mission:
+    """Return the mission in `folder`.
+
+    Raises
+    ------
+    InputError
+        If mission.yaml is missing, is not YAML, has an unknown key (the nearest is named) or a value out of range.
+    """
+    import yaml
+
+    path = folder / FILE
+    where = f"{folder.name}/{FILE}"
+    if not path.is_file():
+        raise InputError(
+            where,
+            found="no mission.yaml",
+            expected="one",
+            remedy="the smallest useful one is 'vehicle: slocum-g2'",
+        )
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}" if mark else ""
+        raise InputError(where, line, found="text that is not YAML", expected="key: value") from error
+    if not isinstance(content, dict):
+        raise InputError(where, found="no keys", expected="at least 'vehicle: NAME'")
+    if "folder" in content:
+        raise InputError(where, "folder", found="an unknown key", remedy=nearest("folder", _keys(Mission)))
+    try:
+        return Mission(**{str(key): value for key, value in content.items()}, folder=folder)
+    except ValidationError as error:
+        raise _readable(error, where) from error
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [name for name in model.model_fields if name != "folder"]
+
+
+def _readable(error: ValidationError, file: str) -> InputError:
+    """Turn the most telling of pydantic's complaints, a misspelt key before all others, into one line."""
+    complaints = error.errors()
+    first = next((item for item in complaints if item["type"] == "extra_forbidden"), complaints[0])
+    place = ".".join(str(part) for part in first["loc"] if part not in ("TableColumn", "str"))
+    if first["type"] == "extra_forbidden":
+        key = str(first["loc"][-1])
+        return InputError(
+            file, place, found="an unknown key", remedy=nearest(key, _keys(_model_at(first["loc"][:-1])))
+        )
+    if first["type"] == "missing":
+        return InputError(file, place, found="nothing", expected="a value", remedy=f"add '{place}: …'")
+    return InputError(file, place, found=repr(first["input"])[:80], expected=_expectation(first))
+
+
+def _expectation(complaint: Any) -> str:
+    message: str = complaint["msg"]
+    return message.removeprefix("Input should be ").removeprefix("Value error, ")
+
+
+def _model_at(loc: tuple[int | str, ...]) -> type[BaseModel]:
+    """Return the model that a location in mission.yaml is an instance of."""
+    model: type[BaseModel] = Mission
+    annotation: Any = Mission
+    for part in loc:
+        if isinstance(part, str) and part in model.model_fields:
+            annotation = model.model_fields[part].annotation
+        for candidate in _models(annotation):
+            model = candidate
+    return model
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models named anywhere inside a type annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if typing.get_origin(annotation) in (list, dict, tuple, Union, types.UnionType):
+        return [model for argument in typing.get_args(annotation) for model in _models(argument)]
+    return []

@@ -1,0 +1,1 @@
+"""Stage 3: the theory. Knows no files and no other stage."""

@@ -1,0 +1,229 @@
+"""The canonical tables: the names, units and meanings every stage shares.
+
+SI and radians inside; degrees and cm/s only where people read. NaN means "not measured here", never zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a canonical table."""
+
+    name: str
+    unit: str
+    meaning: str
+    dtype: str = "float64"
+
+
+class Phase(IntEnum):
+    """OG1 vehicle phase (OceanGliders OG1.0 vocabulary ``PHASE``)."""
+
+    UNKNOWN = 0
+    ASCENT = 1
+    DESCENT = 2
+    SURFACING = 3
+    PARKING = 4
+    INFLEXION = 5
+    PROPELLED = 6
+    TRANSITION = 7
+
+
+class Quality(IntEnum):
+    """OG1 quality flag of one measurement."""
+
+    NONE = 0
+    GOOD = 1
+    PROBABLY_GOOD = 2
+    PROBABLY_BAD = 3
+    BAD = 4
+    MISSING = 9
+
+
+TIME = Column("time", "", "time of the row, UTC, strictly increasing", "datetime64[ns, UTC]")
+
+#: What an instrument measured; each has a companion ``<name>_qc`` column (OG1 flags).
+MEASURED = (
+    Column("pressure", "dbar", "sea pressure, zero at the surface"),
+    Column("temperature", "degC", "in-situ temperature, ITS-90"),
+    Column("conductivity", "S/m", "conductivity"),
+    Column("pitch", "rad", "pitch, nose up positive"),
+    Column("roll", "rad", "roll, right wing down positive"),
+    Column("heading", "rad", "heading, true north, 0 to 2 pi"),
+    Column("buoyancy_volume", "m3", "buoyancy engine, positive = light"),
+    Column("battery_position", "m", "battery position, positive forward"),
+    Column("battery_roll", "rad", "battery roll"),
+    Column("propeller_speed", "rev/s", "propeller speed"),
+    Column("propeller_power", "W", "propeller power"),
+    Column("speed_through_water", "m/s", "speed through water by a sensor (DVL, ADCP, flowmeter)"),
+    Column("latitude", "degrees_north", "latitude, fixes only"),
+    Column("longitude", "degrees_east", "longitude, fixes only"),
+)
+
+#: What follows from the measurements row by row.
+DERIVED = (
+    Column("depth", "m", "depth, positive down"),
+    Column("salinity", "1", "practical salinity, PSS-78"),
+    Column("absolute_salinity", "g/kg", "absolute salinity, TEOS-10"),
+    Column("conservative_temperature", "degC", "conservative temperature, TEOS-10"),
+    Column("density", "kg/m3", "in-situ density at the pressure, TEOS-10"),
+    Column("speed_through_water_std", "m/s", "1-sigma of speed_through_water"),
+)
+
+RECORDS = (
+    TIME,
+    *MEASURED,
+    *DERIVED,
+    *(Column(f"{c.name}_qc", "", f"OG1 quality flag of {c.name}", "int8") for c in MEASURED),
+    Column("phase", "", "OG1 PHASE", "int8"),
+    Column("dive", "", "dive number, 0 before the first dive", "int32"),
+    Column("block", "", "number of the steady-flight block, -1 outside", "int32"),
+)
+
+ESTIMATES = (
+    TIME,
+    Column("dive", "", "dive number", "int32"),
+    Column("method", "", "kinematic or force", "string"),
+    Column("speed", "m/s", "speed through water V"),
+    Column("speed_std", "m/s", "1-sigma of speed"),
+    Column("path_angle", "rad", "flight-path angle through water, climbing positive"),
+    Column("path_angle_std", "rad", "1-sigma of path_angle"),
+    Column("angle_of_attack", "rad", "angle of attack, flow from below positive"),
+    Column("angle_of_attack_std", "rad", "1-sigma of angle_of_attack"),
+    Column("pitch", "rad", "pitch, nose up positive"),
+    Column("pitch_std", "rad", "1-sigma of pitch"),
+    Column("depth", "m", "depth, positive down"),
+    Column("depth_std", "m", "1-sigma of depth"),
+    Column("vertical_water_velocity", "m/s", "vertical velocity of the water, up positive"),
+    Column("vertical_water_velocity_std", "m/s", "1-sigma of vertical_water_velocity"),
+    Column("observable", "", "whether the data determine the speed here", "bool"),
+    Column("reason", "", "why not, where observable is false", "string"),
+)
+
+BLOCKS = (
+    Column("block", "", "number of the block", "int32"),
+    Column("start", "", "first instant", "datetime64[ns, UTC]"),
+    Column("end", "", "last instant", "datetime64[ns, UTC]"),
+    Column("dive", "", "dive number", "int32"),
+    Column("direction", "", "-1 down, +1 up, 0 level", "int8"),
+    Column("powered", "", "propeller turning", "bool"),
+    Column("used", "", "whether the block enters comparison and fit", "bool"),
+    Column("reason", "", "why not, where used is false", "string"),
+    Column("speed", "m/s", "mean speed through water, kinematic estimate"),
+    Column("speed_std", "m/s", "1-sigma of speed"),
+    Column("angle_of_attack", "rad", "mean angle of attack"),
+    Column("angle_of_attack_std", "rad", "1-sigma of angle_of_attack"),
+    Column("pitch", "rad", "mean pitch"),
+    Column("pitch_std", "rad", "1-sigma of pitch, bias included"),
+    Column("path_angle", "rad", "mean flight-path angle"),
+    Column("path_angle_std", "rad", "1-sigma of path_angle"),
+    Column("depth_rate", "m/s", "mean rate of depth, positive sinking, from pressure alone"),
+    Column("depth_rate_std", "m/s", "1-sigma of depth_rate, measurement only"),
+    Column("net_buoyancy", "N", "mean net buoyancy force, up positive"),
+    Column("net_buoyancy_std", "N", "1-sigma of net_buoyancy"),
+    Column("propeller_speed", "rev/s", "mean propeller speed"),
+    Column("propeller_speed_std", "rev/s", "1-sigma of propeller_speed"),
+    Column("battery_position", "m", "mean battery position, forward positive"),
+    Column("battery_position_std", "m", "1-sigma of battery_position"),
+    Column("density", "kg/m3", "mean in-situ density"),
+    Column("density_std", "kg/m3", "1-sigma of density"),
+    Column("depth", "m", "mean depth"),
+    Column("sensor_speed", "m/s", "mean speed by a sensor, where one is carried"),
+    Column("sensor_speed_std", "m/s", "1-sigma of sensor_speed"),
+)
+
+#: What the vehicle's own flight model had put into its files; never used as a measurement.
+STORED = (
+    TIME,
+    Column("speed", "m/s", "speed through water of the stored flight model"),
+    Column("vertical_speed", "m/s", "vertical speed through water of the stored flight model, up positive"),
+)
+
+#: How a trim fixes the vehicle's attitude in the theory.
+TRIMS = ("pitch", "battery", "fixed_alpha")
+
+PREDICTIONS = (
+    Column("block", "", "number of the block", "int32"),
+    Column(
+        "trim", "", "pitch: measured pitch held; battery: moment balance; fixed_alpha: -K_M0/K_M", "string"
+    ),
+    Column("speed", "m/s", "predicted steady speed V_e"),
+    Column("speed_std", "m/s", "1-sigma of speed from coefficients and inputs"),
+    Column("path_angle", "rad", "predicted flight-path angle"),
+    Column("path_angle_std", "rad", "1-sigma of path_angle"),
+    Column("angle_of_attack", "rad", "predicted angle of attack"),
+    Column("angle_of_attack_std", "rad", "1-sigma of angle_of_attack"),
+    Column("pitch", "rad", "predicted pitch theta_e"),
+    Column("pitch_std", "rad", "1-sigma of pitch"),
+    Column("thrust", "N", "predicted thrust"),
+    Column("stable", "", "whether all of the paper's inequalities hold", "bool"),
+    Column("speed_lower", "m/s", "lower bound of the stable range, Eq. (27)"),
+    Column("speed_upper", "m/s", "upper bound of the stable range, from Eq. (28)"),
+    Column("reason", "", "why there is no prediction, where speed is NaN", "string"),
+)
+
+
+def units(columns: tuple[Column, ...]) -> dict[str, str]:
+    """Return the unit of each column by name."""
+    return {column.name: column.unit for column in columns}
+
+
+def conform(frame: pd.DataFrame, columns: tuple[Column, ...]) -> pd.DataFrame:
+    """Return `frame` with exactly `columns`, in order and with their types.
+
+    Missing float columns become NaN, missing flags ``Quality.MISSING`` (``*_qc``) or 0, missing text "".
+
+    Raises
+    ------
+    KeyError
+        If `frame` has a column that the table does not know.
+    """
+    unknown = set(frame.columns) - {column.name for column in columns}
+    if unknown:
+        raise KeyError(f"not in the canonical table: {', '.join(sorted(unknown))}")
+    out: dict[str, pd.Series] = {}
+    for column in columns:
+        if column.name in frame:
+            out[column.name] = frame[column.name].astype(column.dtype)
+        else:
+            out[column.name] = pd.Series(_missing(column), index=frame.index, dtype=column.dtype)
+    return pd.DataFrame(out, index=frame.index).reset_index(drop=True)
+
+
+def _missing(column: Column) -> object:
+    if column.dtype == "float64":
+        return np.nan
+    if column.name.endswith("_qc"):
+        return int(Quality.MISSING)
+    if column.dtype == "string":
+        return ""
+    if column.dtype.startswith("datetime64"):
+        return pd.NaT
+    if column.name == "block":
+        return -1
+    return 0
+
+
+def seconds(time: pd.Series) -> np.ndarray:
+    """Return the column `time` as float seconds since 1970-01-01 UTC, shape (n,)."""
+    stamps = pd.DatetimeIndex(time).as_unit("ns").asi8
+    return stamps.astype(np.float64) * 1e-9
+
+
+def timestamps(posix: np.ndarray) -> pd.DatetimeIndex:
+    """Return POSIX seconds, shape (n,), as UTC time stamps of nanosecond type (microsecond resolution)."""
+    micro = np.round(np.asarray(posix, dtype=np.float64) * 1e6).astype(np.int64)
+    return pd.DatetimeIndex((micro * 1000).view("M8[ns]"), tz="UTC")
+
+
+def usable(frame: pd.DataFrame, name: str) -> np.ndarray:
+    """Return where column `name` was measured and is not flagged bad or probably bad, boolean of shape (n,)."""
+    flag = frame[f"{name}_qc"].to_numpy()
+    good = (flag != Quality.BAD) & (flag != Quality.PROBABLY_BAD)
+    return np.asarray(good & np.isfinite(frame[name].to_numpy(dtype=np.float64)))

@@ -1,0 +1,257 @@
+"""Vehicles: coefficients with a value, a 1-sigma, a unit and a source each.
+
+Forces are written as in Niu et al. (2017, doi:10.1007/s13344-017-0061-y), lift = (K_L0 + K_L α) V² and so on, at
+the vehicle's reference density; in water of another density they scale with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pipeline.findings import InputError, nearest
+
+FOLDER = Path(__file__).parent / "vehicles"
+
+
+class Quantity(NamedTuple):
+    """A coefficient that a vehicle file may give: symbol in the paper, unit, meaning, default (None: unknown)."""
+
+    symbol: str
+    unit: str
+    meaning: str
+    default: float | None
+
+
+KNOWN: dict[str, Quantity] = {
+    "lift_at_zero": Quantity("K_L0", "kg/m", "lift at zero angle of attack", 0.0),
+    "lift_slope": Quantity("K_L", "kg/m/rad", "lift per angle of attack", None),
+    "parasite_drag": Quantity("K_D0", "kg/m", "drag at zero angle of attack, at 1 m/s", None),
+    "induced_drag": Quantity("K_D", "kg/m/rad2", "drag per squared angle of attack", None),
+    "drag_exponent": Quantity("2s", "1", "parasite drag is K_D0 V^(2 + drag_exponent)", 0.0),
+    "moment_at_zero": Quantity("K_M0", "kg", "pitching moment at zero angle of attack", None),
+    "moment_slope": Quantity("K_M", "kg/rad", "pitching moment per angle of attack", None),
+    "pitch_damping": Quantity("K_q", "kg s/rad", "pitching moment per pitch rate", None),
+    "pitch_inertia": Quantity("J_2", "kg m2", "moment of inertia in pitch, added inertia included", None),
+    "mass_forward": Quantity("m_1", "kg", "mass along the nose, added mass included", None),
+    "mass_normal": Quantity("m_3", "kg", "mass normal to the wings, added mass included", None),
+    "thrust_static": Quantity("K_1", "1", "thrust coefficient at advance ratio 0", None),
+    "thrust_slope": Quantity("K_2", "1", "thrust coefficient per advance ratio", None),
+    "propeller_diameter": Quantity("D_0", "m", "propeller diameter", None),
+    "reference_density": Quantity("rho", "kg/m3", "density at which the force coefficients hold", None),
+    "mass": Quantity("m", "kg", "mass of the vehicle", None),
+    "compressibility": Quantity("eps", "1/Pa", "relative loss of hull volume per pressure", None),
+    "thermal_expansion": Quantity("alpha_T", "1/K", "relative gain of hull volume per temperature", None),
+    "reference_temperature": Quantity("T_0", "degC", "temperature at which the hull volume holds", 15.0),
+    "battery_mass": Quantity("m_bar", "kg", "mass of the movable battery", None),
+    "battery_neutral_position": Quantity("r_P0", "m", "battery position without pitching moment", 0.0),
+    "righting_moment": Quantity("M_s", "N m/rad", "moment M_s sin(pitch), negative = bottom-heavy", 0.0),
+}
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A value with its 1-sigma (NaN: unknown), unit and source."""
+
+    value: float
+    std: float
+    unit: str
+    source: str
+
+
+class Polar(NamedTuple):
+    """Lift and drag as plain numbers: K_L0, K_L, K_D0, K_D and the speed exponent of K_D0."""
+
+    lift_at_zero: float
+    lift_slope: float
+    parasite_drag: float
+    induced_drag: float
+    drag_exponent: float
+
+
+class Propeller(NamedTuple):
+    """Thrust law as plain numbers: K_1, K_2 and D_0 of Eqs. (8) and (15)."""
+
+    thrust_static: float
+    thrust_slope: float
+    diameter: float
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A vehicle: its name, what it is, and its coefficients by name (see `KNOWN`)."""
+
+    name: str
+    description: str
+    coefficients: Mapping[str, Coefficient]
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of coefficient `name`; NaN where the vehicle file leaves it unknown."""
+        if name in self.coefficients:
+            return self.coefficients[name].value
+        default = KNOWN[name].default
+        return math.nan if default is None else default
+
+    def std(self, name: str) -> float:
+        """Return the 1-sigma of coefficient `name`; 0 where it is a default, NaN where it is unknown."""
+        if name in self.coefficients:
+            return self.coefficients[name].std
+        return math.nan if KNOWN[name].default is None else 0.0
+
+    @property
+    def polar(self) -> Polar:
+        """Lift and drag coefficients at the reference density."""
+        return Polar(*(self[name] for name in Polar._fields))
+
+    @property
+    def propeller(self) -> Propeller | None:
+        """Thrust law, or None for a vehicle without one."""
+        law = Propeller(self["thrust_static"], self["thrust_slope"], self["propeller_diameter"])
+        return None if any(math.isnan(value) for value in law) else law
+
+    def with_values(self, changes: Mapping[str, float], source: str) -> Vehicle:
+        """Return the vehicle with some coefficients replaced, their relative 1-sigma kept.
+
+        Raises
+        ------
+        KeyError
+            If a name is not in `KNOWN`.
+        """
+        changed = dict(self.coefficients)
+        for name, value in changes.items():
+            old = self.coefficients.get(name)
+            relative = old.std / abs(old.value) if old and old.value and math.isfinite(old.std) else 0.0
+            changed[name] = Coefficient(value, relative * abs(value), KNOWN[name].unit, source)
+        return replace(self, coefficients=changed)
+
+
+def names() -> list[str]:
+    """Return the names of the vehicles that come with the package."""
+    return sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+
+def load(name: str, folder: Path | None = None) -> Vehicle:
+    """Return the vehicle `name`: one of the package, or a YAML file (``*.yaml``) relative to `folder`.
+
+    Raises
+    ------
+    InputError
+        If there is no such vehicle (the nearest is named), or its file is not as it must be.
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = (folder or Path()) / name
+        if not path.is_file():
+            raise InputError(name, found="no such vehicle file", remedy="put it beside mission.yaml")
+    else:
+        path = FOLDER / f"{name}.yaml"
+        if name not in names():
+            raise InputError(
+                "mission.yaml",
+                "vehicle",
+                found=f"'{name}'",
+                expected="a known vehicle",
+                remedy=nearest(name, names()),
+            )
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(path.name, found="text that is not YAML", expected="a vehicle file") from error
+    return parse(content, path.name)
+
+
+def parse(content: Any, file: str) -> Vehicle:
+    """Return the vehicle described by the parsed YAML `content` of `file`.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is unknown, lacks a value, 1-sigma, unit or source, or has an impossible value.
+    """
+    if not isinstance(content, dict) or not isinstance(content.get("coefficients"), dict):
+        raise InputError(file, found="no 'coefficients'", expected="keys name, description, coefficients")
+    unknown = set(content) - {"name", "description", "coefficients"}
+    if unknown:
+        key = sorted(unknown)[0]
+        raise InputError(
+            file, key, found="an unknown key", remedy=nearest(key, ["name", "description", "coefficients"])
+        )
+    coefficients = {
+        str(name): _coefficient(str(name), entry, file) for name, entry in content["coefficients"].items()
+    }
+    return Vehicle(
+        str(content.get("name", Path(file).stem)), str(content.get("description", "")), coefficients
+    )
+
+
+def _coefficient(name: str, entry: Any, file: str) -> Coefficient:
+    if name not in KNOWN:
+        raise InputError(file, name, found="an unknown coefficient", remedy=nearest(name, list(KNOWN)))
+    if not isinstance(entry, dict) or set(entry) != {"value", "std", "unit", "source"}:
+        raise InputError(file, name, found=f"{entry!r}", expected="the keys value, std, unit and source")
+    quantity = KNOWN[name]
+    if entry["unit"] != quantity.unit:
+        raise InputError(file, name, found=f"unit '{entry['unit']}'", expected=f"'{quantity.unit}'")
+    try:
+        value = math.nan if entry["value"] == "unknown" else float(entry["value"])
+        std = math.nan if entry["std"] == "unknown" else float(entry["std"])
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            file, name, found=f"{entry['value']!r} ± {entry['std']!r}", expected="numbers or 'unknown'"
+        ) from error
+    positive = {"lift_slope", "parasite_drag", "mass", "mass_forward", "mass_normal", "reference_density"}
+    if name in positive and value <= 0:
+        raise InputError(file, name, found=f"{value:g} {quantity.unit}", expected="a positive number")
+    if std < 0:
+        raise InputError(file, name, found=f"std {std:g}", expected="a 1-sigma of zero or more")
+    return Coefficient(value, std, quantity.unit, str(entry["source"]))
+
+
+def from_seaglider(
+    base: Vehicle, constants: Mapping[str, float], *, reference_density: float = 1027.5, source: str
+) -> Vehicle:
+    """Return `base` with the hull and drag law of a Seaglider's own calibration constants.
+
+    L = q l² a α, D = q l² (b q^s + c α²) with q = ½ρV² and α in degrees (Eriksen et al. 2001,
+    doi:10.1109/48.972073) become K_L, K_D0, K_D and a speed exponent at `reference_density`.
+
+    Parameters
+    ----------
+    base
+        Vehicle whose 1-sigma (relative) and other coefficients are kept.
+    constants
+        ``hd_a``, ``hd_b``, ``hd_c``, ``hd_s`` [-], ``glider_length`` [m] (1.8), ``mass`` [kg], ``abs_compress``
+        [1/dbar], ``therm_expan`` [1/K], ``temp_ref`` [°C]; those that are missing are left as in `base`.
+    reference_density
+        Density at which the coefficients are expressed, kg/m³.
+    source
+        Where the constants come from.
+    """
+    length = constants.get("glider_length", 1.8)
+    exponent = constants.get("hd_s", -0.25)
+    pressure_at_1m_s = 0.5 * reference_density  # dynamic pressure at 1 m/s
+    scale = pressure_at_1m_s * length**2
+    degrees = 180.0 / math.pi
+    changes: dict[str, float] = {}
+    if "hd_a" in constants:
+        changes["lift_slope"] = scale * constants["hd_a"] * degrees
+    if "hd_b" in constants:
+        changes["parasite_drag"] = scale * constants["hd_b"] * pressure_at_1m_s**exponent
+        changes["drag_exponent"] = 2.0 * exponent
+    if "hd_c" in constants:
+        changes["induced_drag"] = scale * constants["hd_c"] * degrees**2
+    if changes:
+        changes["reference_density"] = reference_density
+    for name, key, factor in (
+        ("mass", "mass", 1.0),
+        ("compressibility", "abs_compress", 1e-4),  # 1/dbar -> 1/Pa
+        ("thermal_expansion", "therm_expan", 1.0),
+        ("reference_temperature", "temp_ref", 1.0),
+    ):
+        if key in constants:
+            changes[name] = constants[key] * factor
+    return base.with_values(changes, source)

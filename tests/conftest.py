@@ -1,0 +1,15 @@
+"""What all tests share: where the real data lie."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """Folder of real glider logs; tests that need it are skipped where there is none."""
+    folder = os.environ.get("SEATRIAL_DATA")
+    if not folder:
+        pytest.skip("real glider logs not at hand: set SEATRIAL_DATA to their folder")
+    return Path(folder)
