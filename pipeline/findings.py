@@ -49,9 +49,7 @@ class Finding:
 class InputError(Exception):
     """Input that a mission cannot be analysed without; its text is one line in the shape of a `Finding`."""
 
-    def __init__(
-        self, file: str, where: str = "", *, found: str, expected: str = "", remedy: str = ""
-    ) -> None:
+    def __init__(self, file: str, where: str = "", *, found: str, expected: str = "", remedy: str = "") -> None:
         self.finding = Finding("error", file, where, found, expected, remedy)
         super().__init__(str(self.finding))
 

@@ -68,13 +68,9 @@ class Nominal(_Strict):
     net_buoyancy: float = Field(description="N, up positive")
     propeller_speed_rpm: float = Field(0.0, ge=0, le=6000)
     pitch_deg: float | None = Field(None, ge=-90, le=90, description="measured mean pitch")
-    density: float | None = Field(
-        None, gt=900, lt=1100, description="kg/m3; the vehicle's reference if left out"
-    )
+    density: float | None = Field(None, gt=900, lt=1100, description="kg/m3; the vehicle's reference if left out")
     published_speed: float | None = Field(None, gt=0, description="m/s, measured speed as published")
-    published_theory_speed: float | None = Field(
-        None, gt=0, description="m/s, theoretical speed as published"
-    )
+    published_theory_speed: float | None = Field(None, gt=0, description="m/s, theoretical speed as published")
     published_theory_pitch_deg: float | None = None
     direction: Literal["up", "down", "level"] | None = Field(
         None, description="blocks this part is compared with: climbs, dives, or level flight"
@@ -161,9 +157,7 @@ def _readable(error: ValidationError, file: str) -> InputError:
     place = ".".join(str(part) for part in first["loc"] if part not in ("TableColumn", "str"))
     if first["type"] == "extra_forbidden":
         key = str(first["loc"][-1])
-        return InputError(
-            file, place, found="an unknown key", remedy=nearest(key, _keys(_model_at(first["loc"][:-1])))
-        )
+        return InputError(file, place, found="an unknown key", remedy=nearest(key, _keys(_model_at(first["loc"][:-1]))))
     if first["type"] == "missing":
         return InputError(file, place, found="nothing", expected="a value", remedy=f"add '{place}: …'")
     return InputError(file, place, found=repr(first["input"])[:80], expected=_expectation(first))

@@ -150,9 +150,7 @@ TRIMS = ("pitch", "battery", "fixed_alpha")
 
 PREDICTIONS = (
     Column("block", "", "number of the block", "int32"),
-    Column(
-        "trim", "", "pitch: measured pitch held; battery: moment balance; fixed_alpha: -K_M0/K_M", "string"
-    ),
+    Column("trim", "", "pitch: measured pitch held; battery: moment balance; fixed_alpha: -K_M0/K_M", "string"),
     Column("speed", "m/s", "predicted steady speed V_e"),
     Column("speed_std", "m/s", "1-sigma of speed from coefficients and inputs"),
     Column("path_angle", "rad", "predicted flight-path angle"),

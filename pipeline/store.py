@@ -103,9 +103,7 @@ def read_metadata(path: Path) -> dict[str, str]:
     import pyarrow.parquet as pq
 
     raw = pq.read_schema(path).metadata or {}
-    return {
-        key.decode(): value.decode() for key, value in raw.items() if key not in (b"pandas", b"ARROW:schema")
-    }
+    return {key.decode(): value.decode() for key, value in raw.items() if key not in (b"pandas", b"ARROW:schema")}
 
 
 def digest(path: Path) -> str:

@@ -180,12 +180,8 @@ def parse(content: Any, file: str) -> Vehicle:
         raise InputError(
             file, key, found="an unknown key", remedy=nearest(key, ["name", "description", "coefficients"])
         )
-    coefficients = {
-        str(name): _coefficient(str(name), entry, file) for name, entry in content["coefficients"].items()
-    }
-    return Vehicle(
-        str(content.get("name", Path(file).stem)), str(content.get("description", "")), coefficients
-    )
+    coefficients = {str(name): _coefficient(str(name), entry, file) for name, entry in content["coefficients"].items()}
+    return Vehicle(str(content.get("name", Path(file).stem)), str(content.get("description", "")), coefficients)
 
 
 def _coefficient(name: str, entry: Any, file: str) -> Coefficient:
