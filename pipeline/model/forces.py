@@ -1,0 +1,124 @@
+"""Forces on a glider: lift, drag, thrust and net buoyancy; Eqs. (5), (6), (8), (15) of Niu et al. (2017).
+
+Physical signs: lift acts 90 degrees above the velocity, drag against it, thrust along the nose, net buoyancy up.
+Source: Niu et al. (2017), China Ocean Eng. 31(5), 528-538, doi:10.1007/s13344-017-0061-y.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.vehicle import Polar, Propeller, Vehicle
+
+#: The thrust law of a vehicle that has none.
+NO_PROPELLER = Propeller(0.0, 0.0, 0.0)
+
+GRAVITY = 9.81
+PASCAL_PER_DBAR = 1e4
+
+
+def propeller_of(vehicle: Vehicle) -> Propeller:
+    """Return the thrust law of `vehicle` for the compiled kernels; `NO_PROPELLER` where it has none."""
+    return vehicle.propeller or NO_PROPELLER
+
+
+@njit(cache=True, error_model="numpy")
+def lift(polar: Polar, speed: float, alpha: float) -> float:
+    """Return the lift, N at the reference density: L = (K_L0 + K_L α) V², Eq. (5).
+
+    Parameters
+    ----------
+    polar
+        Lift and drag coefficients.
+    speed
+        Speed through water V, m/s.
+    alpha
+        Angle of attack α, rad, flow from below positive.
+    """
+    return (polar.lift_at_zero + polar.lift_slope * alpha) * speed * speed
+
+
+@njit(cache=True, error_model="numpy")
+def drag(polar: Polar, speed: float, alpha: float) -> float:
+    """Return the drag, N at the reference density: D = K_D0 V^(2+2s) + K_D α² V², Eq. (6).
+
+    The exponent 2s is zero in Niu et al.; Seaglider's parasite drag goes with q^s (Eriksen et al. 2001,
+    doi:10.1109/48.972073). Parameters as for `lift`.
+    """
+    parasite = polar.parasite_drag
+    if polar.drag_exponent != 0.0:
+        parasite = parasite * speed**polar.drag_exponent
+    return (parasite + polar.induced_drag * alpha * alpha) * speed * speed
+
+
+@njit(cache=True, error_model="numpy")
+def thrust(propeller: Propeller, density: float, propeller_speed: float, speed: float) -> float:
+    """Return the thrust, N: T = K_1 ρ D_0⁴ n² + K_2 ρ D_0³ n V, Eqs. (8) and (15); 0 at n = 0.
+
+    The law is not clamped: beyond its zero at J_0 = -K_1/K_2 the turning propeller brakes.
+
+    Parameters
+    ----------
+    propeller
+        Thrust law.
+    density
+        In-situ density ρ, kg/m³.
+    propeller_speed
+        Propeller speed n, rev/s.
+    speed
+        Speed through water V, m/s.
+    """
+    if propeller_speed == 0.0:
+        return 0.0
+    flow = density * propeller.diameter**3 * propeller_speed
+    return flow * (propeller.thrust_static * propeller.diameter * propeller_speed + propeller.thrust_slope * speed)
+
+
+def net_buoyancy(
+    *,
+    mass: ArrayLike,
+    volume: ArrayLike,
+    buoyancy_volume: ArrayLike,
+    density: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike,
+    compressibility: float,
+    thermal_expansion: float,
+    reference_temperature: float,
+    gravity: float = GRAVITY,
+) -> NDArray[np.float64]:
+    """Return the net buoyancy force, N, up positive: G = g (ρ (v (1 - ε p + α_T (T - T_0)) + v_b) - m).
+
+    All array arguments broadcast; NaN in, NaN out. After Merckelbach et al. (2010),
+    doi:10.1175/2009JTECHO710.1.
+
+    Parameters
+    ----------
+    mass
+        Mass of the vehicle m, kg.
+    volume
+        Hull volume v at the surface and at the reference temperature, m³.
+    buoyancy_volume
+        Volume of the buoyancy engine v_b, m³, positive = light.
+    density
+        In-situ density ρ at the pressure, kg/m³.
+    pressure
+        Sea pressure p, dbar.
+    temperature
+        In-situ temperature T, °C.
+    compressibility
+        Hull compressibility ε, 1/Pa.
+    thermal_expansion
+        Hull thermal expansion α_T, 1/K.
+    reference_temperature
+        Temperature T_0 at which `volume` holds, °C.
+    gravity
+        Acceleration of gravity g, m/s².
+    """
+    squeezed = compressibility * PASCAL_PER_DBAR * np.asarray(pressure, dtype=np.float64)
+    swollen = thermal_expansion * (np.asarray(temperature, dtype=np.float64) - reference_temperature)
+    hull = np.asarray(volume, dtype=np.float64) * (1.0 - squeezed + swollen)
+    displaced = np.asarray(density, dtype=np.float64) * (hull + np.asarray(buoyancy_volume, dtype=np.float64))
+    return np.asarray(gravity * (displaced - np.asarray(mass, dtype=np.float64)), dtype=np.float64)
