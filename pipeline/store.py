@@ -3,7 +3,8 @@
 A file appears under its name only when its last byte is written: the data go into an anonymous file of the
 same file system (Linux ``O_TMPFILE``) that is linked and renamed into place, so that a process killed at any
 moment leaves neither half a file nor a leftover. Where the system has no anonymous files a hidden temporary
-name is used instead and removed by the next run.
+name is used instead and removed by the next run. Nothing heavy is imported until a table is read or written, so
+that a run that finds nothing to do ends at once.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ import math
 import os
 import uuid
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
-from pipeline.records import Column, conform
+    from pipeline.records import Column
 
 PART = ".part"
 
@@ -62,7 +64,7 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    if isinstance(value, pd.Timestamp):
+    if hasattr(value, "isoformat"):
         return value.isoformat()
     return value
 
@@ -78,6 +80,8 @@ def write_table(
     """Write `frame` as Parquet with the unit and meaning of every column in its field metadata, atomically."""
     import pyarrow as pa
     import pyarrow.parquet as pq
+
+    from pipeline.records import conform
 
     table = pa.Table.from_pandas(conform(frame, columns), preserve_index=False)
     fields = [
