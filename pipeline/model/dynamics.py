@@ -100,6 +100,43 @@ def derivatives(
     )
 
 
+@njit(cache=True, error_model="numpy")
+def jacobian(
+    speed: float,
+    path_angle: float,
+    alpha: float,
+    pitch_rate: float,
+    body: Body,
+    polar: Polar,
+    propeller: Propeller,
+    density_ratio: float,
+    density: float,
+    net_buoyancy: float,
+    propeller_speed: float,
+    moment_cos: float,
+    moment_sin: float,
+) -> NDArray[np.float64]:
+    """Return ∂(V', γ', α', q')/∂(V, γ, α, q), shape (4, 4), by central differences; arguments as `derivatives`."""
+    state = np.array([speed, path_angle, alpha, pitch_rate])
+    matrix = np.empty((4, 4))
+    for column in range(4):
+        step = 1e-5 * max(0.1, abs(state[column]))
+        ahead, behind = state.copy(), state.copy()
+        ahead[column] += step
+        behind[column] -= step
+        after = derivatives(
+            ahead[0], ahead[1], ahead[2], ahead[3], body, polar, propeller,
+            density_ratio, density, net_buoyancy, propeller_speed, moment_cos, moment_sin,
+        )  # fmt: skip
+        before = derivatives(
+            behind[0], behind[1], behind[2], behind[3], body, polar, propeller,
+            density_ratio, density, net_buoyancy, propeller_speed, moment_cos, moment_sin,
+        )  # fmt: skip
+        for row in range(4):
+            matrix[row, column] = (after[row] - before[row]) / (2.0 * step)
+    return matrix
+
+
 def trajectory(
     vehicle: Vehicle,
     state: ArrayLike,

@@ -47,10 +47,9 @@ def drag(polar: Polar, speed: float, alpha: float) -> float:
     The exponent 2s is zero in Niu et al.; Seaglider's parasite drag goes with q^s (Eriksen et al. 2001,
     doi:10.1109/48.972073). Parameters as for `lift`.
     """
-    parasite = polar.parasite_drag
-    if polar.drag_exponent != 0.0:
-        parasite = parasite * speed**polar.drag_exponent
-    return (parasite + polar.induced_drag * alpha * alpha) * speed * speed
+    square = speed * speed
+    parasite = square if polar.drag_exponent == 0.0 else speed ** (2.0 + polar.drag_exponent)
+    return polar.parasite_drag * parasite + polar.induced_drag * alpha * alpha * square
 
 
 @njit(cache=True, error_model="numpy")

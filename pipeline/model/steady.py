@@ -1,0 +1,378 @@
+"""Steady flight: speed and angles at a held angle of attack, at a held pitch, or in moment balance.
+
+Eqs. (21) and (22) of Niu et al. (2017), doi:10.1007/s13344-017-0061-y, solved for any thrust law T(n, V) and for
+parasite drag with a speed exponent. Inputs broadcast; where no steady flight exists the result is NaN with a reason.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.model.balance import FIXED_ALPHA, HELD_PITCH, pitches_at_moment, solve
+from pipeline.model.dynamics import body_of, jacobian
+from pipeline.model.forces import GRAVITY, propeller_of
+from pipeline.model.sensitivity import sensitivities
+from pipeline.vehicle import Polar, Vehicle
+
+Signs = Literal["physical", "paper"]
+Array = NDArray[np.float64]
+
+MAX_ANGLE_OF_ATTACK = 0.5
+MAX_PROPELLER_SPEED = 100.0
+#: Pitch within which moment balance is sought, rad.
+MAX_TRIM_PITCH = math.radians(80.0)
+_MOST_TRIMS = 6
+
+NO_THRUST_LAW = "powered, but the vehicle file has no thrust law"
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Steady flight; arrays of one shape, NaN where there is none, with the reason as text ("" elsewhere).
+
+    Attributes
+    ----------
+    speed
+        V_e, m/s.
+    path_angle, angle_of_attack, pitch
+        γ_e, α_e, θ_e = γ_e + α_e, rad.
+    thrust
+        T_e, N.
+    advance_ratio
+        J_0 = V/(n D_0); NaN where the propeller stands still or thrust was given.
+    required_moment
+        Static nose-up moment that battery and ballast must supply, N m, Munk moment allowed for; NaN where the
+        moment coefficients are unknown.
+    reason
+        Why there is no steady flight.
+    """
+
+    speed: Array
+    path_angle: Array
+    angle_of_attack: Array
+    pitch: Array
+    thrust: Array
+    advance_ratio: Array
+    required_moment: Array
+    reason: NDArray[Any]
+
+
+def steady_state(
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    angle_of_attack: ArrayLike,
+    *,
+    thrust: ArrayLike | None = None,
+    propeller_speed: ArrayLike | None = None,
+    density: ArrayLike | None = None,
+    signs: Signs = "physical",
+) -> Steady:
+    """Return steady flight at a held angle of attack, Eqs. (21) and (22): the largest speed that balances.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle with a known polar.
+    net_buoyancy
+        Net buoyancy force G, N, up positive.
+    angle_of_attack
+        α, rad, flow from below positive.
+    thrust
+        Constant thrust T, N; or else
+    propeller_speed
+        propeller speed n, rev/s, the thrust following the speed. Without either the vehicle glides.
+    density
+        In-situ density, kg/m³; the vehicle's reference density if left out.
+    signs
+        ``physical``, or ``paper`` for the equations as printed (with the sign of B in Eq. (21) corrected).
+
+    Raises
+    ------
+    ValueError
+        If an angle looks like degrees, a propeller speed like rpm, a density is not positive, or both thrust and
+        propeller speed are given.
+
+    Examples
+    --------
+    >>> from pipeline.vehicle import load
+    >>> float(steady_state(load("petrel-ii"), 7.0, -0.0025358, thrust=7.0, signs="paper").speed.round(4))
+    1.3694
+    """
+    if signs not in ("physical", "paper"):
+        raise ValueError(f"signs: found {signs!r}; expected 'physical' or 'paper'")
+    return _balanced(FIXED_ALPHA, vehicle, net_buoyancy, angle_of_attack, thrust, propeller_speed, density, signs)
+
+
+def trim_at_pitch(
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    pitch: ArrayLike,
+    *,
+    thrust: ArrayLike | None = None,
+    propeller_speed: ArrayLike | None = None,
+    density: ArrayLike | None = None,
+) -> Steady:
+    """Return steady flight at a held pitch, with |α| ≤ 0.35 rad: the angle of attack nearest zero normal force.
+
+    The moment that holds the pitch is `Steady.required_moment`. Physical signs. Without net buoyancy the powered
+    vehicle flies along its pitch less the angle of attack of zero normal force.
+
+    Parameters
+    ----------
+    pitch
+        θ, rad, nose up positive, within ±π/2.
+    vehicle, net_buoyancy, thrust, propeller_speed, density
+        As for `steady_state`.
+
+    Raises
+    ------
+    ValueError
+        As for `steady_state`.
+
+    Examples
+    --------
+    >>> from pipeline.vehicle import load
+    >>> float(trim_at_pitch(load("petrel-ii"), 2.5, 0.0611, propeller_speed=13.0).speed.round(3))
+    0.615
+    """
+    return _balanced(HELD_PITCH, vehicle, net_buoyancy, pitch, thrust, propeller_speed, density, "physical")
+
+
+def trim_at_moment(
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    *,
+    battery_position: ArrayLike | None = None,
+    moment_cos: ArrayLike | None = None,
+    propeller_speed: ArrayLike | None = None,
+    density: ArrayLike | None = None,
+) -> Steady:
+    """Return the stable steady flight nearest to level in which forces and pitching moments balance.
+
+    The static moment is M_c cos θ + M_s sin θ with M_c = -m̄ g (r_P1 - r_P0) of the battery and the vehicle's
+    righting moment M_s. Stable means that all four eigenvalues of the dynamics decay. Physical signs.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle with known polar, moments and inertia.
+    net_buoyancy, propeller_speed, density
+        As for `steady_state`.
+    battery_position
+        r_P1, m, forward positive; or else
+    moment_cos
+        M_c, N m, nose up positive.
+
+    Raises
+    ------
+    ValueError
+        As for `steady_state`, or if not exactly one of battery position and moment is given.
+    """
+    if (battery_position is None) == (moment_cos is None):
+        raise ValueError("found both or neither of battery_position and moment_cos; give one of them")
+    if battery_position is not None:
+        offset = np.asarray(battery_position, dtype=np.float64) - vehicle["battery_neutral_position"]
+        moment_cos = -vehicle["battery_mass"] * GRAVITY * offset
+    case = _Case.of(vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, density)
+    body, polar, propeller = body_of(vehicle), _plain(vehicle), propeller_of(vehicle)
+    moment_sin = vehicle["righting_moment"]
+    munk_mass = body.mass_normal - body.mass_forward
+    unknown = _unknown(vehicle, (*Polar._fields, *body._fields, "reference_density", "righting_moment"))
+    if battery_position is not None:
+        unknown += _unknown(vehicle, ("battery_mass", "battery_neutral_position"))
+
+    pitch = np.full(case.size, np.nan)
+    reason = case.reason(unknown, "moment_cos" if battery_position is None else "battery_position")
+    for i in np.flatnonzero(reason == ""):
+        candidates = pitches_at_moment(
+            MAX_TRIM_PITCH, _MOST_TRIMS, polar, case.ratio[i], case.push[i], case.pull[i], case.net_buoyancy[i],
+            body.moment_at_zero, body.moment_slope, munk_mass, case.held[i], moment_sin,
+        )  # fmt: skip
+        candidates = candidates[np.isfinite(candidates)]
+        if not candidates.size:
+            reason[i] = "no equilibrium: forces and moments balance nowhere within 80 degrees of level"
+            continue
+        repeat = np.ones(candidates.size)
+        speed, path_angle, alpha = solve(
+            HELD_PITCH, candidates, polar, case.ratio[i] * repeat, case.push[i] * repeat, case.pull[i] * repeat,
+            case.net_buoyancy[i] * repeat, 1.0,
+        )  # fmt: skip
+        decays = [
+            np.linalg.eigvals(
+                jacobian(
+                    v, gamma, a, 0.0, body, polar, propeller, case.ratio[i], case.density[i],
+                    case.net_buoyancy[i], case.propeller_speed[i], case.held[i], moment_sin,
+                )
+            ).real.max() < 0.0
+            for v, gamma, a in zip(speed, path_angle, alpha, strict=True)
+        ]  # fmt: skip
+        stable = candidates[decays]
+        if stable.size:
+            pitch[i] = stable[np.argmin(np.abs(stable))]
+        else:
+            reason[i] = "no equilibrium: no trim within 80 degrees of level is stable"
+    return _finish(HELD_PITCH, vehicle, case, pitch, reason, 1.0)
+
+
+def trim_sensitivities(
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    pitch: ArrayLike,
+    *,
+    propeller_speed: ArrayLike | None = None,
+    density: ArrayLike | None = None,
+) -> dict[str, tuple[Array, Array]]:
+    """Return ∂V/∂p [m/s per unit of p] and ∂γ/∂p [rad per unit of p] of flight at a held pitch, by parameter.
+
+    By the implicit function theorem. Parameters p: ``parasite_drag``, ``lift_slope``, ``lift_at_zero``,
+    ``induced_drag``, ``thrust_scale`` (a factor on thrust, at 1), ``net_buoyancy``, ``pitch``, ``propeller_speed``.
+    NaN where there is no trim. Arguments and errors as for `trim_at_pitch`.
+    """
+    trim = trim_at_pitch(vehicle, net_buoyancy, pitch, propeller_speed=propeller_speed, density=density)
+    found = sensitivities(
+        "pitch",
+        vehicle,
+        net_buoyancy,
+        trim.speed,
+        trim.path_angle,
+        trim.angle_of_attack,
+        propeller_speed=propeller_speed,
+        density=density,
+    )
+    return {name: (slope.speed, slope.path_angle) for name, slope in found.items()}
+
+
+@dataclass(frozen=True)
+class _Case:
+    """Inputs broadcast to one shape and laid out flat: thrust as a + b V, density as a ratio."""
+
+    shape: tuple[int, ...]
+    net_buoyancy: Array
+    held: Array
+    push: Array
+    pull: Array
+    ratio: Array
+    density: Array
+    propeller_speed: Array
+    no_thrust_law: NDArray[np.bool_]
+
+    @property
+    def size(self) -> int:
+        return self.held.size
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle,
+        net_buoyancy: ArrayLike,
+        held: ArrayLike,
+        thrust: ArrayLike | None,
+        propeller_speed: ArrayLike | None,
+        density: ArrayLike | None,
+    ) -> _Case:
+        if thrust is not None and propeller_speed is not None:
+            raise ValueError("found both thrust and propeller_speed; give one of them")
+        reference = vehicle["reference_density"]
+        arrays = np.broadcast_arrays(
+            np.asarray(net_buoyancy, dtype=np.float64),
+            np.asarray(held, dtype=np.float64),
+            np.asarray(0.0 if thrust is None else thrust, dtype=np.float64),
+            np.asarray(0.0 if propeller_speed is None else propeller_speed, dtype=np.float64),
+            np.asarray(reference if density is None else density, dtype=np.float64),
+        )
+        shape = arrays[0].shape
+        buoyancy, angle, given, turning, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
+        _refuse("density", actual, actual <= 0.0, "a positive number of kg/m3")
+        _refuse(
+            "propeller_speed",
+            turning,
+            np.abs(turning) > MAX_PROPELLER_SPEED,
+            f"at most {MAX_PROPELLER_SPEED:g} rev/s; rev/s, not rpm?",
+        )
+        law = propeller_of(vehicle)
+        flow = actual * law.diameter**3 * turning
+        push = np.where(turning == 0.0, given, flow * law.thrust_static * law.diameter * turning)
+        missing = (turning != 0.0) & (vehicle.propeller is None)
+        return cls(shape, buoyancy, angle, push, flow * law.thrust_slope, actual / reference, actual, turning, missing)
+
+    def reason(self, unknown: list[str], held: str) -> NDArray[Any]:
+        """Return why a case cannot be computed at all, "" where it can, shape (n,)."""
+        reason = np.full(self.size, "", dtype=object)
+        reason[(self.net_buoyancy == 0.0) & (self.push == 0.0)] = "no equilibrium: neither net buoyancy nor thrust"
+        reason[self.no_thrust_law] = NO_THRUST_LAW
+        for name, values in (
+            ("density", self.density),
+            ("propeller_speed or thrust", self.push),
+            (held, self.held),
+            ("net_buoyancy", self.net_buoyancy),
+        ):
+            reason[~np.isfinite(values)] = f"no {name} given"
+        if unknown:
+            reason[:] = f"the vehicle file leaves {', '.join(unknown)} unknown"
+        return reason
+
+
+def _balanced(
+    mode: int,
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    held: ArrayLike,
+    thrust: ArrayLike | None,
+    propeller_speed: ArrayLike | None,
+    density: ArrayLike | None,
+    signs: Signs,
+) -> Steady:
+    case = _Case.of(vehicle, net_buoyancy, held, thrust, propeller_speed, density)
+    name, limit = ("angle_of_attack", MAX_ANGLE_OF_ATTACK) if mode == FIXED_ALPHA else ("pitch", 0.5 * math.pi)
+    _refuse(name, case.held, np.abs(case.held) > limit * (1.0 + 1e-12), f"at most {limit:.4g} rad; degrees?")
+    reason = case.reason(_unknown(vehicle, (*Polar._fields, "reference_density")), name)
+    if mode == FIXED_ALPHA:
+        undetermined = (reason == "") & (case.net_buoyancy == 0.0)
+        reason[undetermined] = "no equilibrium: without net buoyancy the path is undetermined at a held angle of attack"
+    held_angle = np.where(reason == "", case.held, np.nan)
+    return _finish(mode, vehicle, case, held_angle, reason, 1.0 if signs == "physical" else -1.0)
+
+
+def _finish(mode: int, vehicle: Vehicle, case: _Case, held: Array, reason: NDArray[Any], sign: float) -> Steady:
+    """Return steady flight at the angles `held` (NaN where `reason` says why not), in the shape of the inputs."""
+    speed, path_angle, alpha = solve(
+        mode, held, _plain(vehicle), case.ratio, case.push, case.pull, case.net_buoyancy, sign
+    )
+    what = "angle of attack" if mode == FIXED_ALPHA else "pitch (too shallow, or against the net buoyancy)"
+    reason[(reason == "") & np.isnan(speed)] = f"no equilibrium: the forces do not balance at this {what}"
+    thrust = np.where(np.isnan(speed), np.nan, case.push + case.pull * speed)
+    turning = np.where((case.propeller_speed != 0.0) & ~case.no_thrust_law, case.propeller_speed, np.nan)
+    body = body_of(vehicle)
+    munk_mass = body.mass_normal - body.mass_forward
+    flow = case.ratio * (body.moment_at_zero + body.moment_slope * alpha) + munk_mass * np.sin(alpha) * np.cos(alpha)
+    arrays = (
+        speed,
+        path_angle,
+        alpha,
+        path_angle + alpha,
+        thrust,
+        speed / (turning * propeller_of(vehicle).diameter),
+        -flow * speed**2,
+        reason,
+    )
+    return Steady(*(array.reshape(case.shape) for array in arrays))
+
+
+def _plain(vehicle: Vehicle) -> Polar:
+    """Return the polar as floats, so that the compiled kernels see one type."""
+    return Polar(*(float(value) for value in vehicle.polar))
+
+
+def _unknown(vehicle: Vehicle, names: tuple[str, ...]) -> list[str]:
+    return [name for name in names if math.isnan(vehicle[name])]
+
+
+def _refuse(name: str, values: Array, wrong: NDArray[np.bool_], expected: str) -> None:
+    """Raise for the first of `values` that is `wrong`."""
+    if wrong.any():
+        raise ValueError(f"{name}: found {values[wrong][0]:g}; expected {expected}")
