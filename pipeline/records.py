@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -185,16 +186,17 @@ def conform(frame: pd.DataFrame, columns: tuple[Column, ...]) -> pd.DataFrame:
     unknown = set(frame.columns) - {column.name for column in columns}
     if unknown:
         raise KeyError(f"not in the canonical table: {', '.join(sorted(unknown))}")
-    out: dict[str, pd.Series] = {}
+    out: dict[str, pd.Series[Any]] = {}
     for column in columns:
+        dtype: Any = column.dtype
         if column.name in frame:
-            out[column.name] = frame[column.name].astype(column.dtype)
+            out[column.name] = frame[column.name].astype(dtype)
         else:
-            out[column.name] = pd.Series(_missing(column), index=frame.index, dtype=column.dtype)
+            out[column.name] = pd.Series(_missing(column), index=frame.index, dtype=dtype)
     return pd.DataFrame(out, index=frame.index).reset_index(drop=True)
 
 
-def _missing(column: Column) -> object:
+def _missing(column: Column) -> Any:
     if column.dtype == "float64":
         return np.nan
     if column.name.endswith("_qc"):

@@ -1,0 +1,78 @@
+"""What the vehicle weighs and displaces: from mission.yaml, the logs' calibration, or an assumption that is said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Finding
+from pipeline.mission import Mission
+from pipeline.vehicle import Vehicle
+
+#: 1-sigma (N) of net buoyancy where nothing is known but that the vehicle can both sink and float.
+ASSUMED_STD = 2.0
+
+
+@dataclass(frozen=True)
+class Hull:
+    """Mass [kg], volume at the surface with the engine at zero [m3], and the 1-sigma of net buoyancy [N]."""
+
+    mass: float
+    volume: float
+    std: float
+
+
+def hull(
+    mission: Mission, vehicle: Vehicle, constants: Mapping[str, float], records: pd.DataFrame
+) -> tuple[Hull | None, list[Finding]]:
+    """Return mass and volume of the vehicle, and what had to be assumed.
+
+    The first of these that is given: ``ballast.volume``; ``ballast.neutral_density``; the hull volume in the logs'
+    calibration constants; else the vehicle is taken to be neutral, engine at zero, in the mean density of its dives.
+
+    Parameters
+    ----------
+    mission, vehicle
+        Mission and vehicle.
+    constants
+        Calibration constants from the logs (``mass`` [kg], ``hull_volume`` [m3]).
+    records
+        Canonical records (density).
+    """
+    mass = mission.ballast.mass or constants.get("mass", vehicle["mass"])
+    if not math.isfinite(mass):
+        return None, [
+            Finding(
+                "warning",
+                "mission.yaml",
+                "ballast.mass",
+                "no mass, in the vehicle file neither",
+                "a mass in kg",
+                "there is no net buoyancy and no theory without it",
+            )
+        ]
+    if mission.ballast.volume is not None:
+        return Hull(mass, mission.ballast.volume, mission.ballast.std), []
+    if mission.ballast.neutral_density is not None:
+        return Hull(mass, mass / mission.ballast.neutral_density, mission.ballast.std), []
+    if "hull_volume" in constants:
+        return Hull(mass, constants["hull_volume"], max(mission.ballast.std, 0.5)), []
+    density = records["density"].to_numpy()
+    if not np.isfinite(density).any():
+        return None, [
+            Finding("warning", "records", "density", "no density", "temperature and conductivity", "no net buoyancy")
+        ]
+    neutral = float(np.nanmean(density))
+    note = Finding(
+        "warning",
+        "mission.yaml",
+        "ballast",
+        "neither volume nor neutral_density",
+        "one of them",
+        f"taken as neutral in {neutral:.2f} kg/m3, the mean density met, with a 1-sigma of {ASSUMED_STD:g} N",
+    )
+    return Hull(mass, mass / neutral, max(mission.ballast.std, ASSUMED_STD)), [note]

@@ -1,0 +1,186 @@
+"""Means over blocks of steady flight: what comparison and fit work on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gsw
+import numpy as np
+import pandas as pd
+
+from pipeline.estimate.ballast import Hull, hull
+from pipeline.estimate.series import powered
+from pipeline.findings import Finding
+from pipeline.mission import Mission
+from pipeline.model.forces import net_buoyancy
+from pipeline.records import BLOCKS, conform, seconds, usable
+from pipeline.vehicle import Vehicle
+
+#: Powered flight with less pitch than this (rad) is level flight.
+LEVEL = np.radians(10.0)
+#: A block is used when the speed is observable in at least this share of it.
+SHARE = 0.5
+#: 1-sigma (m/s) of what a speed sensor's mean is off by, whatever the number of samples.
+SENSOR_FLOOR = 0.005
+
+
+def block_means(
+    records: pd.DataFrame,
+    estimates: pd.DataFrame,
+    vehicle: Vehicle,
+    mission: Mission,
+    constants: Mapping[str, float],
+) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return the mean state of every steady block with its 1-sigma, and what was assumed or left out.
+
+    Parameters
+    ----------
+    records, estimates
+        Canonical tables, row by row of the same instants.
+    vehicle, mission
+        Vehicle and mission.
+    constants
+        Calibration constants from the logs.
+
+    Returns
+    -------
+    tuple of DataFrame, list of Finding
+        The table `pipeline.records.BLOCKS`; findings.
+    """
+    body, findings = hull(mission, vehicle, constants, records)
+    driven = powered(records)
+    time = seconds(records["time"])
+    number = records["block"].to_numpy()
+    engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
+    if not np.isfinite(engine).any():
+        findings.append(
+            Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
+        )
+    latitude = float(records["latitude"].median())
+    gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
+    rotation = records["propeller_speed"].ffill().to_numpy()
+    rows: list[dict[str, Any]] = []
+    for block in np.unique(number[number >= 0]):
+        inside = np.flatnonzero(number == block)
+        part = records.iloc[inside]
+        row: dict[str, Any] = {
+            "block": block,
+            "start": part["time"].iloc[0],
+            "end": part["time"].iloc[-1],
+            "dive": int(part["dive"].iloc[0]),
+            "powered": bool(driven[inside].mean() > 0.5),
+        }
+        row |= _flight(estimates.iloc[inside])
+        row |= _pitch(part, estimates.iloc[inside], mission)
+        row |= _depth_rate(part, time[inside])
+        row |= _water(part)
+        row |= _sensor(part)
+        row |= _settings(part, rotation[inside], row["powered"])
+        row |= _buoyancy(part, engine[inside], body, vehicle, gravity)
+        level = row["powered"] and abs(row["pitch"]) < LEVEL
+        row["direction"] = 0 if level else int(-np.sign(row["depth_rate"]))
+        rows.append(row)
+    return conform(pd.DataFrame(rows), BLOCKS), findings
+
+
+def _flight(part: pd.DataFrame) -> dict[str, Any]:
+    """Return means of the estimates; within a block their errors are one and the same, so the 1-sigma stays."""
+    seen = part["observable"].to_numpy(dtype=bool)
+    if seen.mean() < SHARE:
+        reasons = part.loc[~seen, "reason"]
+        return {"used": False, "reason": f"speed unobservable: {reasons.mode().iloc[0]}"}
+    good = part[seen]
+    row: dict[str, Any] = {"used": True, "reason": ""}
+    for name in ("speed", "angle_of_attack", "path_angle"):
+        row[name] = float(good[name].mean())
+        row[f"{name}_std"] = float(np.sqrt(np.mean(good[f"{name}_std"] ** 2)))
+    return row
+
+
+def _pitch(part: pd.DataFrame, estimates: pd.DataFrame, mission: Mission) -> dict[str, float]:
+    value = part["pitch"].to_numpy()[usable(part, "pitch")]
+    mean = float(value.mean()) if value.size else float(estimates["pitch"].mean())
+    scatter = float(value.std() / np.sqrt(value.size)) if value.size > 1 else 0.0
+    return {"pitch": mean, "pitch_std": float(np.hypot(scatter, np.radians(mission.pitch.std_deg)))}
+
+
+def _depth_rate(part: pd.DataFrame, time: np.ndarray) -> dict[str, float]:
+    """Return the slope of a straight line through the measured depths, positive sinking."""
+    known = usable(part, "pressure")
+    t, z = time[known], part["depth"].to_numpy()[known]
+    if t.size < 3 or t[-1] <= t[0]:
+        return {"depth_rate": np.nan, "depth_rate_std": np.nan, "depth": float(part["depth"].mean())}
+    t = t - t.mean()
+    slope = float(t @ (z - z.mean()) / (t @ t))
+    residual = z - z.mean() - slope * t
+    std = float(np.sqrt(residual @ residual / (t.size - 2) / (t @ t)))
+    return {"depth_rate": slope, "depth_rate_std": std, "depth": float(z.mean())}
+
+
+def _water(part: pd.DataFrame) -> dict[str, float]:
+    density = part["density"].to_numpy()
+    density = density[np.isfinite(density)]
+    if not density.size:
+        return {"density": np.nan, "density_std": np.nan}
+    return {"density": float(density.mean()), "density_std": float(density.std() / np.sqrt(density.size))}
+
+
+def _sensor(part: pd.DataFrame) -> dict[str, float]:
+    good = usable(part, "speed_through_water")
+    if not good.any():
+        return {}
+    value = part["speed_through_water"].to_numpy()[good]
+    return {
+        "sensor_speed": float(value.mean()),
+        "sensor_speed_std": float(np.hypot(value.std() / np.sqrt(value.size), SENSOR_FLOOR)),
+    }
+
+
+def _settings(part: pd.DataFrame, rotation: np.ndarray, driven: bool) -> dict[str, float]:
+    row = {"propeller_speed": 0.0, "propeller_speed_std": 0.0}
+    if driven:
+        row = {"propeller_speed": float(np.mean(rotation)), "propeller_speed_std": float(np.std(rotation))}
+    position = part["battery_position"].dropna().to_numpy()
+    if position.size:
+        row["battery_position"] = float(position.mean())
+        row["battery_position_std"] = float(position.std() / np.sqrt(position.size))
+    return row
+
+
+def _buoyancy(
+    part: pd.DataFrame, engine: np.ndarray, body: Hull | None, vehicle: Vehicle, gravity: float
+) -> dict[str, float]:
+    """Return net buoyancy at the block's mean density, pressure and temperature."""
+    nothing = {"net_buoyancy": np.nan, "net_buoyancy_std": np.nan}
+    if body is None:
+        return nothing
+    density, pressure, temperature = (float(part[name].mean()) for name in ("density", "pressure", "temperature"))
+
+    def force(compressibility: float, expansion: float) -> float:
+        return float(
+            net_buoyancy(
+                mass=body.mass,
+                volume=body.volume,
+                buoyancy_volume=float(np.mean(engine)),
+                density=density,
+                pressure=pressure,
+                temperature=temperature,
+                compressibility=compressibility,
+                thermal_expansion=expansion,
+                reference_temperature=vehicle["reference_temperature"],
+                gravity=gravity,
+            )
+        )
+
+    squeeze, expand = vehicle["compressibility"], vehicle["thermal_expansion"]
+    value = force(squeeze, expand)
+    if not np.isfinite(value):
+        return nothing
+    by_squeeze = force(squeeze + _known(vehicle.std("compressibility")), expand) - value
+    by_expand = force(squeeze, expand + _known(vehicle.std("thermal_expansion"))) - value
+    return {"net_buoyancy": value, "net_buoyancy_std": float(np.sqrt(body.std**2 + by_squeeze**2 + by_expand**2))}
+
+
+def _known(std: float) -> float:
+    return std if np.isfinite(std) else 0.0

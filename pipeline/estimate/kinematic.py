@@ -1,0 +1,367 @@
+"""Speed through water and angle of attack from depth and pitch, borrowing only the ratio of lift to drag.
+
+State V, θ, z, w_w and δ, where α = α_closure(θ, V) + δ: the polar closure gives the angle of attack of an unpowered
+steady glide, and δ, a Gauss–Markov process, says how far it may be off: little in steady flight, more in
+manoeuvres, and under power by the whole span between no thrust and no lift. Depth obeys ż = −V sin(θ − α) − w_w.
+Where there are fixes and a heading, position and current (E, N, c_E, c_N) join the state, so that the
+displacement between fixes carries the speed that depth cannot. Net buoyancy, thrust and propeller speed never
+enter, and a common factor on all coefficients changes nothing.
+
+The problem is linearised along the smoothed trajectory and solved again until that stands still (iterated
+extended Kalman smoother; Bell 1994, doi:10.1137/0804035). What the coefficients and the pitch bias leave open
+is added as the change of the result when each is moved by its 1-sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import minimize
+
+from pipeline.estimate import smoother
+from pipeline.estimate.legs import legs
+from pipeline.estimate.linearise import CURRENT_NORTH, Settings, Trajectory, linearise
+from pipeline.estimate.series import Series, from_records
+from pipeline.estimate.smoother import Problem, Solution
+from pipeline.findings import Finding, nearest
+from pipeline.mission import Mission
+from pipeline.model.closure import glide_angles
+from pipeline.vehicle import Polar, Vehicle
+
+#: A speed is called observable when its 1-sigma is below this share of it.
+OBSERVABLE = 0.2
+#: A measurement farther than this many standard deviations from the smoothed trajectory is left out.
+GATE = 6.0
+ENGINES = ("numba", "filterpy")
+#: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
+SEARCHED = {"sigma_w": 0.7, "tau_w": 0.4, "speed_drift": 1.0, "depth_noise": 1.0, "current_drift": 1.0}
+#: The likelihood is searched on at most this many records.
+SEARCH_RECORDS = 20_000
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """What the estimator hands on: the canonical estimates, what they rest on, and what was doubted."""
+
+    estimates: pd.DataFrame
+    report: dict[str, Any]
+    findings: list[Finding]
+
+
+class _Options(NamedTuple):
+    """What does not change between iterations."""
+
+    use_speed: bool
+    use_fixes: bool
+    solve: Callable[[Problem], Solution]
+
+
+def estimate(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, *, engine: str = "numba") -> Estimated:
+    """Return speed through water, angle of attack, path angle and vertical water velocity with their 1-sigma.
+
+    Parameters
+    ----------
+    records
+        Canonical records, one row per instant.
+    vehicle
+        Its polar is borrowed (ratios of coefficients only).
+    mission
+        Whether a speed sensor and fixes are used, and the 1-sigma of the pitch bias.
+    engine
+        ``numba``, or ``filterpy`` for the same linear problems by an independent implementation.
+
+    Returns
+    -------
+    Estimated
+        Estimates at every record; an unobservable speed is NaN with a reason.
+
+    Raises
+    ------
+    ValueError
+        If `engine` is not known.
+    """
+    if engine not in ENGINES:
+        raise ValueError(f"engine: found '{engine}'; {nearest(engine, list(ENGINES))}")
+    if engine == "filterpy":
+        from pipeline.estimate.reference import solve
+    else:
+        solve = smoother.solve
+    series = from_records(records)
+    options = _Options(mission.speed_sensor == "use", mission.gps == "use" and series.located, solve)
+    findings: list[Finding] = []
+    polar = vehicle.polar
+    settings = _noise_from(series)
+    start = first_guess(series, polar)
+    at, _ = _iterate(series, polar, settings, start, options, 2)
+    settings = _likeliest(series, polar, settings, at, options)
+    at, solution = _iterate(series, polar, settings, at, options, 4)
+    gated = _gate(series, settings, solution, findings)
+    at, solution = _iterate(gated, polar, settings, at, options, 6)
+    spread = _left_open(gated, vehicle, mission, settings, at, solution, options)
+    estimates, report = _tabulate(records, gated, polar, solution, spread)
+    report["settings"] = asdict(settings) | {"engine": engine, "pitch_std_deg": mission.pitch.std_deg}
+    report["used"] = {"speed_sensor": options.use_speed, "fixes": options.use_fixes}
+    return Estimated(estimates, report, findings)
+
+
+def first_guess(series: Series, polar: Polar) -> Trajectory:
+    """Return a trajectory to linearise along: V from the smoothed depth rate, where the path is steep enough."""
+    m = series.time.size
+    speed = np.full(m, 0.4)
+    for _ in range(3 if polar.drag_exponent else 1):
+        alpha, _, _, steady = glide_angles(polar, speed, series.pitch_guess)
+        sine = np.sin(series.pitch_guess - np.where(series.powered, 0.5, 1.0) * alpha)
+        good = steady & (np.abs(sine) > 0.15) & ~series.manoeuvre
+        ratio = np.where(good, -series.depth_rate_guess / np.where(good, sine, 1.0), np.nan)
+        good &= (ratio > 0.03) & (ratio < 3.0)
+        if not good.any():
+            break
+        speed = np.interp(series.time, series.time[good], ratio[good])
+    return Trajectory(speed, series.pitch_guess, np.zeros(m))
+
+
+def _iterate(
+    series: Series,
+    polar: Polar,
+    settings: Settings,
+    at: Trajectory,
+    options: _Options,
+    times: int,
+    pitch_shift: float = 0.0,
+) -> tuple[Trajectory, Solution]:
+    """Linearise and solve until the trajectory stands still, at most `times` times."""
+    for _ in range(times):
+        problem = linearise(
+            series,
+            polar,
+            settings,
+            at,
+            use_speed=options.use_speed,
+            use_fixes=options.use_fixes,
+            pitch_shift=pitch_shift,
+        )
+        solution = options.solve(problem)
+        speed = np.clip(solution.mean[:, 0], 0.02, 4.0)
+        pitch = np.clip(solution.mean[:, 1], -1.5, 1.5)
+        slip = np.clip(solution.mean[:, 4], -0.3, 0.3)
+        change = float(np.max(np.abs(speed - at.speed)))
+        at = Trajectory(speed, pitch, slip)
+        if change < 1e-7:
+            break
+    return at, solution
+
+
+def _noise_from(series: Series) -> Settings:
+    """Return settings with the sensors' noise read off the high-frequency part of their own records."""
+    depth_noise, _ = _noise_and_drift(series.time, series.depth, ~series.manoeuvre)
+    pitch_noise, pitch_drift = _noise_and_drift(series.time, series.pitch, ~series.manoeuvre)
+    return replace(
+        Settings(),
+        depth_noise=float(np.clip(depth_noise, 0.01, 1.0)),
+        pitch_noise=float(np.clip(pitch_noise, np.radians(0.05), np.radians(2.0))),
+        pitch_drift=float(np.clip(pitch_drift, np.radians(0.01) ** 2, np.radians(0.5) ** 2)),
+    )
+
+
+def _noise_and_drift(time: np.ndarray, value: np.ndarray, where: np.ndarray) -> tuple[float, float]:
+    """Return the 1-sigma of white noise and the random-walk intensity of a series with a linear trend.
+
+    From third differences (a cubic cancels; 20 σ² for white noise) and from second differences over eight samples,
+    both by their median absolute value.
+    """
+    known = np.isfinite(value) & where
+    x, t = value[known], time[known]
+    if x.size < 40:
+        return 0.0, 0.0
+    third = np.diff(x, 3)
+    noise = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0)
+    lag = 8
+    bend = x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]
+    span = float(np.median(t[lag:] - t[:-lag]))
+    total = (float(np.median(np.abs(bend))) / 0.6745) ** 2
+    return noise, max(total - 6.0 * noise**2, 0.0) / max(2.0 * span, 1e-3)
+
+
+def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, options: _Options) -> Settings:
+    """Return settings with σ and τ of w_w and the drifts at the maximum of likelihood times prior."""
+    names = [name for name in SEARCHED if options.use_fixes or name != "current_drift"]
+    median = np.log([getattr(settings, name) for name in names])
+    spread = np.array([SEARCHED[name] for name in names])
+    part = slice(0, SEARCH_RECORDS)
+    short = Series(**{key: value[part] for key, value in vars(series).items()})
+    along = Trajectory(*(value[part] for value in at))
+
+    def cost(u: np.ndarray) -> float:
+        trial = replace(settings, **dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
+        problem = linearise(short, polar, trial, along, use_speed=options.use_speed, use_fixes=options.use_fixes)
+        return 0.5 * float(u @ u) - smoother.log_likelihood(problem)
+
+    best = minimize(
+        cost, np.zeros(len(names)), method="Nelder-Mead", options={"maxfev": 150, "xatol": 0.05, "fatol": 0.1}
+    )
+    return replace(settings, **dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True)))
+
+
+def _gate(series: Series, settings: Settings, solution: Solution, findings: list[Finding]) -> Series:
+    """Return the series without the measurements that the smoothed trajectory contradicts; list what was left out."""
+    changed = {}
+    for name, state, noise in (
+        ("depth", 2, settings.depth_noise),
+        ("pitch", 1, settings.pitch_noise),
+    ):
+        value = getattr(series, name)
+        sigma = np.sqrt(noise**2 + solution.covariance[:, state, state])
+        with np.errstate(invalid="ignore"):
+            far = np.abs(value - solution.mean[:, state]) > GATE * sigma
+        if far.any():
+            first = float(series.time[np.argmax(far)])
+            findings.append(
+                Finding(
+                    "warning",
+                    f"{name} record",
+                    f"{int(far.sum())} of {int(np.isfinite(value).sum())} samples, the first {first:.0f} s in",
+                    f"values more than {GATE:g} standard deviations from the smoothed trajectory",
+                    "values within",
+                    "left out of the estimate",
+                )
+            )
+            changed[name] = np.where(far, np.nan, value)
+    return replace(series, **changed)
+
+
+def _left_open(
+    series: Series,
+    vehicle: Vehicle,
+    mission: Mission,
+    settings: Settings,
+    at: Trajectory,
+    solution: Solution,
+    options: _Options,
+) -> dict[str, np.ndarray]:
+    """Return the change of (V, θ, α, γ, w) when each borrowed coefficient and the pitch bias moves by 1-sigma."""
+    base = _angles(series, vehicle.polar, solution.mean)
+    changes: dict[str, np.ndarray] = {}
+    for name in ("lift_slope", "parasite_drag", "induced_drag", "lift_at_zero", "pitch"):
+        polar, shift = vehicle.polar, 0.0
+        if name == "pitch":
+            step = shift = np.radians(mission.pitch.std_deg)
+        else:
+            step = vehicle.std(name)
+            polar = polar._replace(**{name: getattr(polar, name) + step})
+        if not step > 0.0:
+            continue
+        _, moved = _iterate(series, polar, settings, at, options, 2, shift)
+        changes[name] = _angles(series, polar, moved.mean) - base
+    return changes
+
+
+def _angles(series: Series, polar: Polar, mean: np.ndarray) -> np.ndarray:
+    """Return V, θ, α, γ and w_w of smoothed states, shape (5, m)."""
+    glide, _, _, _ = glide_angles(polar, np.clip(mean[:, 0], 0.02, 4.0), mean[:, 1])
+    alpha = np.where(series.powered, 0.5, 1.0) * glide + mean[:, 4]
+    return np.stack([mean[:, 0], mean[:, 1], alpha, mean[:, 1] - alpha, mean[:, 3]])
+
+
+def _tabulate(
+    records: pd.DataFrame, series: Series, polar: Polar, solution: Solution, spread: dict[str, np.ndarray]
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return the canonical estimates and the report on them."""
+    speed, pitch, alpha, path, water = _angles(series, polar, solution.mean)
+    P = solution.covariance
+    _, by_pitch, by_speed, steady = glide_angles(polar, np.clip(speed, 0.02, 4.0), pitch)
+    share = np.where(series.powered, 0.5, 1.0)
+    to_alpha = np.zeros((speed.size, P.shape[1]))
+    to_alpha[:, 0], to_alpha[:, 1], to_alpha[:, 4] = share * by_speed, share * by_pitch, 1.0
+    to_path = -to_alpha
+    to_path[:, 1] += 1.0
+    random = np.stack(
+        [
+            P[:, 0, 0],
+            P[:, 1, 1],
+            np.einsum("ki,kij,kj->k", to_alpha, P, to_alpha),
+            np.einsum("ki,kij,kj->k", to_path, P, to_path),
+            P[:, 3, 3],
+        ]
+    )
+    total = np.sqrt(np.maximum(random, 0.0) + sum(change**2 for change in spread.values()))
+    reason = verdict(series, speed, total[0], steady)
+    seen = reason == ""
+    hidden = np.where(seen, 1.0, np.nan)
+    estimates = pd.DataFrame(
+        {
+            "time": records["time"],
+            "dive": records["dive"],
+            "method": "kinematic",
+            "speed": speed * hidden,
+            "speed_std": total[0] * hidden,
+            "path_angle": path * hidden,
+            "path_angle_std": total[3] * hidden,
+            "angle_of_attack": alpha * hidden,
+            "angle_of_attack_std": total[2] * hidden,
+            "pitch": pitch,
+            "pitch_std": total[1],
+            "depth": solution.mean[:, 2],
+            "depth_std": np.sqrt(P[:, 2, 2]),
+            "vertical_water_velocity": water * hidden,
+            "vertical_water_velocity_std": total[4] * hidden,
+            "observable": seen,
+            "reason": reason,
+        }
+    )
+    report: dict[str, Any] = {
+        "observable_share": float(seen.mean()),
+        "reasons": {str(text): int((reason == text).sum()) for text in np.unique(reason) if text},
+        "consistency": consistency(solution, series),
+        "coverage": coverage(series, speed, total[0], seen),
+        "gps": legs(series, solution.mean, P, seen) if P.shape[1] > CURRENT_NORTH else None,
+        "share_of_variance": {
+            name: float(np.mean((change[0] ** 2 / total[0] ** 2)[seen])) if seen.any() else None
+            for name, change in spread.items()
+        },
+    }
+    return estimates, report
+
+
+def verdict(series: Series, speed: np.ndarray, speed_std: np.ndarray, steady: np.ndarray) -> np.ndarray:
+    """Return for every record why its speed is unobservable, or "" where the data determine it; shape (m,)."""
+    weak = ~(speed_std <= OBSERVABLE * speed)
+    reason = np.full(speed.size, "", dtype=object)
+    reason[weak] = "the 1-sigma exceeds 20 % of the speed"
+    reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
+    reason[weak & ~steady] = "near level: depth carries no speed"
+    reason[weak & ~steady & series.powered] = "powered and near level: depth carries no speed and no fixes determine it"
+    reason[series.surfaced] = "at the surface"
+    return reason
+
+
+def consistency(solution: Solution, series: Series) -> dict[str, Any]:
+    """Return the mean normalised innovation squared of depth and pitch in steady flight, with its 95 % band."""
+    from scipy.stats import chi2
+
+    result: dict[str, Any] = {}
+    for j, name in enumerate(("depth", "pitch")):
+        nis = (solution.innovation[:, j] ** 2 / solution.innovation_variance[:, j])[~series.manoeuvre]
+        nis = nis[np.isfinite(nis)]
+        if nis.size:
+            low, high = chi2.ppf((0.025, 0.975), nis.size) / nis.size
+            result[name] = {"nis": float(nis.mean()), "low": float(low), "high": float(high), "n": int(nis.size)}
+    return result
+
+
+def coverage(series: Series, speed: np.ndarray, speed_std: np.ndarray, seen: np.ndarray) -> dict[str, Any] | None:
+    """Return how the estimate compares with a speed sensor, at the sensor's own instants; None without one."""
+    both = seen & np.isfinite(series.speed)
+    if not both.any():
+        return None
+    gap = speed[both] - series.speed[both]
+    sigma = np.hypot(speed_std[both], series.speed_std[both])
+    return {
+        "n": int(both.sum()),
+        "bias": float(gap.mean()),
+        "rmse": float(np.sqrt(np.mean(gap**2))),
+        "coverage95": float(np.mean(np.abs(gap) < 1.96 * sigma)),
+    }

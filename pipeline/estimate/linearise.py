@@ -1,0 +1,212 @@
+"""The kinematic model, linear along a trajectory: from arrays and settings to a state-space problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.estimate.series import Series
+from pipeline.estimate.smoother import Problem
+from pipeline.model.closure import glide_angle
+from pipeline.vehicle import Polar
+
+#: States, in order; the last four only where there are fixes and a heading.
+SPEED, PITCH, DEPTH, WATER, SLIP, EAST, NORTH, CURRENT_EAST, CURRENT_NORTH = range(9)
+#: Kinds of measurement, in order; the last two only where there are fixes and a heading.
+MEASURED = ("depth", "pitch", "speed", "east", "north")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Noise levels; the first group is estimated from the mission, the second is general."""
+
+    sigma_w: float = 0.01  # m/s, vertical water velocity
+    tau_w: float = 300.0  # s, its correlation time
+    speed_drift: float = 2e-5  # m2/s3, random walk of V in steady flight
+    current_drift: float = 7e-7  # m2/s3, random walk of the current
+    depth_noise: float = 0.05  # m
+    pitch_noise: float = math.radians(0.2)  # rad
+    pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
+
+    speed_drift_manoeuvre: float = 1e-3  # m2/s3
+    pitch_drift_manoeuvre: float = math.radians(1.0) ** 2  # rad2/s
+    slip: float = math.radians(0.1)  # rad, 1-sigma of δ in steady unpowered flight
+    slip_manoeuvre: float = math.radians(1.0)
+    slip_time: float = 60.0  # s
+    slip_time_manoeuvre: float = 10.0
+    fix_noise: float = 5.0  # m
+    position_drift: float = 0.05  # m2/s, dead reckoning below the surface
+    surface_drift: float = 25.0  # m2/s, at the surface
+    heave_drift: float = 0.2  # m2/s, depth in manoeuvres and at the surface
+    initial_speed: float = 0.5  # m/s, 1-sigma
+    initial_current: float = 0.3  # m/s, 1-sigma
+
+
+class Trajectory(NamedTuple):
+    """Where the model is linearised: V, θ and δ, each of shape (m,)."""
+
+    speed: np.ndarray
+    pitch: np.ndarray
+    slip: np.ndarray
+
+
+@njit(cache=True)
+def _integrated(sigma: float, tau: float, dt: float) -> tuple[float, float, float, float]:
+    """Return decay, mean weight and noise (variance, covariance, variance of integral) of a Gauss–Markov process."""
+    phi = math.exp(-dt / tau)
+    weight = tau * (1.0 - phi)
+    variance = sigma * sigma * (1.0 - phi * phi)
+    covariance = sigma * sigma * tau * (1.0 - phi) ** 2
+    integral = sigma * sigma * tau * max(2.0 * dt - tau * (3.0 - 4.0 * phi + phi * phi), 0.0)
+    return weight, variance, covariance, integral
+
+
+@njit(cache=True)
+def _fill(
+    polar: Polar,
+    time: np.ndarray,
+    heading: np.ndarray,
+    powered: np.ndarray,
+    manoeuvre: np.ndarray,
+    surfaced: np.ndarray,
+    speed: np.ndarray,
+    pitch: np.ndarray,
+    slip: np.ndarray,
+    drifts: tuple[float, float, float, float, float, float],
+    water: tuple[float, float],
+    slips: tuple[float, float, float, float],
+    positions: tuple[float, float, float],
+    transition: np.ndarray,
+    shift: np.ndarray,
+    process: np.ndarray,
+) -> None:
+    """Fill transition, shift and process noise along the trajectory; the arrays come in as zeros."""
+    m, n = shift.shape
+    for k in range(m - 1):
+        dt = max(time[k + 1] - time[k], 1e-3)
+        glide, by_pitch, by_speed, steady = glide_angle(polar, speed[k], pitch[k])
+        share = 0.5 if powered[k] else 1.0  # under power α lies between no lift and the glide's
+        gamma = pitch[k] - share * glide - slip[k]
+        sine, cosine = math.sin(gamma), math.cos(gamma)
+        turn_v, turn_t = -share * by_speed, 1.0 - share * by_pitch  # ∂γ/∂V, ∂γ/∂θ; ∂γ/∂δ = −1
+        v = speed[k]
+        # rate of depth and its slopes
+        rate = -v * sine
+        z_v, z_t, z_s = -sine - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
+        quick = manoeuvre[k]
+        q_v = drifts[1] if quick else drifts[0]
+        q_t = drifts[3] if quick else drifts[2]
+        sigma_s, tau_s = (slips[1], slips[3]) if quick else (slips[0], slips[2])
+        if powered[k]:
+            sigma_s = max(sigma_s, 0.5 * abs(glide))
+        if not steady:
+            sigma_s = max(sigma_s, slips[1])
+        w_weight, w_var, w_cov, w_int = _integrated(water[0], water[1], dt)
+        s_weight, s_var, s_cov, s_int = _integrated(sigma_s, tau_s, dt)
+        F, c, Q = transition[k], shift[k], process[k]
+        for i in range(n):
+            F[i, i] = 1.0
+        F[3, 3] = math.exp(-dt / water[1])
+        F[4, 4] = math.exp(-dt / tau_s)
+        F[2, 0], F[2, 1], F[2, 3], F[2, 4] = z_v * dt, z_t * dt, -w_weight, z_s * s_weight
+        c[2] = dt * (rate - z_v * v - z_t * pitch[k]) - z_s * s_weight * slip[k]
+        Q[0, 0] = q_v * dt
+        Q[1, 1] = q_t * dt
+        Q[3, 3], Q[4, 4] = w_var, s_var
+        Q[2, 0] = Q[0, 2] = z_v * q_v * dt * dt / 2.0
+        Q[2, 1] = Q[1, 2] = z_t * q_t * dt * dt / 2.0
+        Q[2, 3] = Q[3, 2] = -w_cov
+        Q[2, 4] = Q[4, 2] = z_s * s_cov
+        Q[2, 2] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + 1e-6 * dt
+        if surfaced[k] or quick:
+            Q[2, 2] += positions[2] * dt  # sinking nose up, rising nose down, waves: not the polar's flight
+        if n > 5:
+            sin_h, cos_h = math.sin(heading[k]), math.cos(heading[k])
+            x_v = cosine - v * sine * turn_v
+            x_t, x_s = -v * sine * turn_t, v * sine
+            forward = v * cosine - x_v * v - x_t * pitch[k] - x_s * slip[k]
+            for row, along in ((5, sin_h), (6, cos_h)):
+                F[row, 0], F[row, 1], F[row, 4] = along * x_v * dt, along * x_t * dt, along * x_s * dt
+                F[row, row + 2] = dt
+                c[row] = along * forward * dt
+                Q[row, row] = (positions[1] if surfaced[k] else positions[0]) * dt
+                Q[row + 2, row + 2] = drifts[4] * dt
+
+
+def linearise(
+    series: Series,
+    polar: Polar,
+    settings: Settings,
+    at: Trajectory,
+    *,
+    use_speed: bool,
+    use_fixes: bool,
+    pitch_shift: float = 0.0,
+) -> Problem:
+    """Return the state-space problem of the kinematic model, linear along the trajectory `at`.
+
+    Parameters
+    ----------
+    series
+        Measurements and flags, m instants.
+    polar
+        Lift and drag coefficients; only their ratios matter.
+    settings
+        Noise levels.
+    at
+        Trajectory of V, θ, δ.
+    use_speed, use_fixes
+        Whether the speed sensor and the fixes are measurements.
+    pitch_shift
+        Added to every measured pitch, rad.
+
+    Returns
+    -------
+    Problem
+        With 5 states, or 9 if `use_fixes`.
+    """
+    m = series.time.size
+    n = 9 if use_fixes else 5
+    transition, shift, process = np.zeros((m, n, n)), np.zeros((m, n)), np.zeros((m, n, n))
+    s = settings
+    _fill(
+        polar,
+        series.time,
+        series.heading,
+        series.powered,
+        series.manoeuvre,
+        series.surfaced,
+        at.speed,
+        at.pitch,
+        at.slip,
+        (s.speed_drift, s.speed_drift_manoeuvre, s.pitch_drift, s.pitch_drift_manoeuvre, s.current_drift, 0.0),
+        (s.sigma_w, s.tau_w),
+        (s.slip, s.slip_manoeuvre, s.slip_time, s.slip_time_manoeuvre),
+        (s.position_drift, s.surface_drift, s.heave_drift),
+        transition,
+        shift,
+        process,
+    )
+    kinds = 5 if use_fixes else 3
+    observed, variance, design = np.full((m, kinds), np.nan), np.ones((m, kinds)), np.zeros((kinds, n))
+    for j, state in enumerate((DEPTH, PITCH, SPEED, EAST, NORTH)[:kinds]):
+        design[j, state] = 1.0
+    observed[:, 0], variance[:, 0] = series.depth, s.depth_noise**2
+    observed[:, 1], variance[:, 1] = series.pitch + pitch_shift, s.pitch_noise**2
+    if use_speed:
+        observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
+    if use_fixes:
+        observed[:, 3], observed[:, 4] = series.east, series.north
+        variance[:, 3:] = s.fix_noise**2
+    first = np.flatnonzero(np.isfinite(series.depth))
+    mean = np.zeros(n)
+    mean[SPEED], mean[PITCH] = at.speed[0], at.pitch[0]
+    mean[DEPTH] = series.depth[first[0]] if first.size else 0.0
+    spread = np.array(
+        [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre, 1e3, 1e3, s.initial_current, s.initial_current]
+    )
+    return Problem(mean, np.diag(spread[:n] ** 2), transition, shift, process, design, observed, variance)

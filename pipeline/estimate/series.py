@@ -1,0 +1,135 @@
+"""What the estimators take from the records: plain arrays, and which samples are steady, powered, at the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import binary_dilation, uniform_filter1d
+
+from pipeline.records import Phase, seconds, usable
+
+#: Propeller faster than this (rev/s) or drawing more than this (W) drives the vehicle.
+TURNING, DRIVING = 0.5, 1.0
+#: A pause in the records longer than this (s) may hide a manoeuvre.
+PAUSE = 120.0
+EARTH_RADIUS = 6_371_000.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """Arrays of shape (m,), one value per record; NaN where an instrument did not report."""
+
+    time: np.ndarray  # s since the first record
+    depth: np.ndarray  # m, measured
+    pitch: np.ndarray  # rad, measured
+    speed: np.ndarray  # m/s, by a sensor
+    speed_std: np.ndarray
+    east: np.ndarray  # m from the first fix
+    north: np.ndarray
+    heading: np.ndarray  # rad, interpolated: an input, not a measurement; NaN if there is none
+    pitch_guess: np.ndarray  # rad, interpolated: where the model is first linearised
+    depth_rate_guess: np.ndarray  # m/s
+    powered: np.ndarray  # bool
+    manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
+    surfaced: np.ndarray  # bool
+
+    @property
+    def located(self) -> bool:
+        """Whether two fixes and a heading allow for displacement over ground."""
+        return bool(np.isfinite(self.east).sum() >= 2 and np.isfinite(self.heading).any())
+
+
+def powered(records: pd.DataFrame) -> np.ndarray:
+    """Return where the propeller drives the vehicle, boolean of shape (m,); settings hold until the next report."""
+    speed = records["propeller_speed"].ffill().to_numpy()
+    power = records["propeller_power"].ffill().to_numpy()
+    with np.errstate(invalid="ignore"):
+        return np.asarray((speed > TURNING) | (~np.isfinite(speed) & (power > DRIVING)))
+
+
+def from_records(records: pd.DataFrame) -> Series:
+    """Return the arrays the estimators work on, from the canonical records."""
+    time = seconds(records["time"])
+    time = time - time[0]
+    depth = np.where(usable(records, "pressure"), records["depth"].to_numpy(), np.nan)
+    pitch = np.where(usable(records, "pitch"), records["pitch"].to_numpy(), np.nan)
+    speed = np.where(usable(records, "speed_through_water"), records["speed_through_water"].to_numpy(), np.nan)
+    speed_std = records["speed_through_water_std"].fillna(0.02).to_numpy()
+    east, north = _local(records)
+    pitch_guess = _interpolate(time, pitch)
+    depth_guess = _interpolate(time, depth)
+    rate = _rate(time, depth_guess, 20.0)
+    phase = records["phase"].to_numpy()
+    driven = powered(records)
+    return Series(
+        time=time,
+        depth=depth,
+        pitch=pitch,
+        speed=speed,
+        speed_std=speed_std,
+        east=east,
+        north=north,
+        heading=_heading(time, records),
+        pitch_guess=pitch_guess,
+        depth_rate_guess=rate,
+        powered=driven,
+        manoeuvre=_manoeuvre(time, pitch_guess, phase, records, driven),
+        surfaced=phase == Phase.SURFACING,
+    )
+
+
+def _interpolate(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+    known = np.isfinite(value)
+    if not known.any():
+        return np.zeros_like(time)
+    return np.asarray(np.interp(time, time[known], value[known]))
+
+
+def _rate(time: np.ndarray, value: np.ndarray, window: float) -> np.ndarray:
+    """Return the rate of change of `value` over `window` seconds, on a grid that bears any sampling."""
+    if time.size < 3 or time[-1] <= 0:
+        return np.zeros_like(time)
+    step = max(1.0, time[-1] / 5e6)
+    grid = np.arange(0.0, time[-1] + step, step)
+    smooth = uniform_filter1d(np.interp(grid, time, value), max(int(window / step), 1), mode="nearest")
+    return np.asarray(np.interp(time, grid, np.gradient(smooth, step)))
+
+
+def _manoeuvre(
+    time: np.ndarray, pitch: np.ndarray, phase: np.ndarray, records: pd.DataFrame, driven: np.ndarray
+) -> np.ndarray:
+    """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
+    turning = np.abs(_rate(time, pitch, 12.0)) > np.radians(0.3)
+    volume = records["buoyancy_volume"].to_numpy()
+    if np.isfinite(volume).sum() > 2:
+        span = np.nanmax(volume) - np.nanmin(volume)
+        turning |= np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(2e-3 * span, 3e-7)
+    turning |= np.diff(driven, prepend=driven[:1])
+    turning |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
+    gap = np.diff(time, append=time[-1])
+    turning |= gap > PAUSE
+    typical = float(np.median(gap[gap > 0])) if (gap > 0).any() else 1.0
+    return np.asarray(binary_dilation(turning, iterations=max(int(15.0 / typical), 1)))
+
+
+def _heading(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
+    known = usable(records, "heading")
+    if known.sum() < 2:
+        return np.full(time.size, np.nan)
+    unwrapped = np.unwrap(records["heading"].to_numpy()[known])
+    return np.asarray(np.interp(time, time[known], unwrapped))
+
+
+def _local(records: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Return fixes as metres east and north of the first one."""
+    known = usable(records, "latitude") & usable(records, "longitude")
+    latitude = np.where(known, records["latitude"].to_numpy(), np.nan)
+    longitude = np.where(known, records["longitude"].to_numpy(), np.nan)
+    if not known.any():
+        return latitude, longitude
+    first = int(np.flatnonzero(known)[0])
+    north = np.radians(latitude - latitude[first]) * EARTH_RADIUS
+    eastward = (longitude - longitude[first] + 180.0) % 360.0 - 180.0
+    return np.radians(eastward) * EARTH_RADIUS * np.cos(np.radians(latitude[first])), north
