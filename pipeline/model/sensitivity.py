@@ -134,8 +134,7 @@ def sensitivities(
     matrix = np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in (along, across, held)], axis=-2)
     right = np.stack([np.stack(np.broadcast_arrays(*cause), axis=-1) for cause in causes.values()], axis=-1)
     answer = np.full(right.shape, np.nan)
-    with np.errstate(invalid="ignore"):
-        regular = np.isfinite(matrix).all(axis=(-2, -1)) & np.isfinite(right).any(axis=(-2, -1))
-        regular &= np.abs(np.linalg.det(np.where(regular[..., None, None], matrix, 0.0))) > 0.0
+    regular = np.isfinite(matrix).all(axis=(-2, -1))
+    regular &= np.linalg.det(np.where(regular[..., None, None], matrix, 0.0)) != 0.0
     answer[regular] = -np.linalg.solve(matrix[regular], right[regular])
     return {name: Slope(*np.moveaxis(answer[..., k], -1, 0)) for k, name in enumerate(causes)}

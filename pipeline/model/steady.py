@@ -354,7 +354,7 @@ def _finish(mode: int, vehicle: Vehicle, case: _Case, held: Array, reason: NDArr
         speed,
         path_angle,
         alpha,
-        path_angle + alpha,
+        path_angle + alpha if mode == FIXED_ALPHA else np.where(np.isnan(speed), np.nan, held),
         thrust,
         speed / (turning * propeller_of(vehicle).diameter),
         -flow * speed**2,
