@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.findings import InputError
+from pipeline.ingest.logs import UnreadableError
 
 LABEL = b"dbd_label"
 ENCODING = 5
@@ -32,15 +33,6 @@ EARLIEST, LATEST = 631152000.0, 4102444800.0
 _NUMBERS = ("encoding_ver", "total_num_sensors", "sensors_per_cycle", "state_bytes_per_cycle")
 #: Bytes of the record with known values that follows the header, and where its float 123.456 stands.
 _KNOWN, _FLOAT = 17, slice(4, 8)
-_AGAIN = "left out; copy the file from the glider again"
-
-
-class UnreadableError(Exception):
-    """A file that cannot be read: what was found in it, what was expected, what to do."""
-
-    def __init__(self, found: str, expected: str = "", remedy: str = _AGAIN) -> None:
-        self.found, self.expected, self.remedy = found, expected, remedy
-        super().__init__(found)
 
 
 class MissingCacheError(UnreadableError):
@@ -245,7 +237,7 @@ def _read(copy: Path, data: bytes, whole: bool, cache: str, wanted: Sequence[str
             f"{file.headerInfo['sensors_per_cycle']} sensors, and {len(sizes)} in its list {cache}", "the same number"
         )
     if not _known(data[start : start + _KNOWN]):
-        raise UnreadableError("no known values behind the header", "123.456", _AGAIN)
+        raise UnreadableError("no known values behind the header", "123.456")
     records, end, damage = intact(data, start, sizes)
     if not whole and not damage:
         damage = "a compressed block cut short or damaged"

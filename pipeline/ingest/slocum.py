@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ import pandas as pd
 
 from pipeline.findings import Finding, InputError
 from pipeline.ingest import dinkum
-from pipeline.ingest.logs import Logs
+from pipeline.ingest.logs import Logs, UnreadableError, gather
 from pipeline.mission import Mission
 
 _NAME = re.compile(r"\.(?P<kind>[dsmnet])(?P<compressed>[bc])d$", re.IGNORECASE)
@@ -89,19 +88,6 @@ def read(mission: Mission) -> Logs:
     return Logs(streams=[frame for frame in (stream, ctd) if len(frame)], findings=gather(findings))
 
 
-def gather(findings: Iterable[Finding]) -> list[Finding]:
-    """Return `findings` with those that differ by their file alone made one, which names the first file."""
-    groups: dict[Finding, list[str]] = {}
-    for finding in findings:
-        groups.setdefault(replace(finding, file=""), []).append(finding.file)
-    out = []
-    for finding, names in groups.items():
-        more = len(names) - 1
-        where = finding.where if not more else f"and {more} more file{'s' if more > 1 else ''}"
-        out.append(replace(finding, file=names[0], where=where))
-    return out
-
-
 def _unreadable(mission: Mission, findings: list[Finding]) -> InputError:
     """Return what stops a mission of which no file can be read, with the reason of the first."""
     lost = [finding for finding in findings if finding.severity == "error"]
@@ -167,7 +153,7 @@ class _Segments:
         for index, path in enumerate(paths):
             try:
                 sensors = dinkum.read(path, scratch, wanted)
-            except dinkum.UnreadableError as error:
+            except UnreadableError as error:
                 self._say("error", path, "", error.found, error.expected, error.remedy)
                 continue
             for other in paths[index + 1 :]:
