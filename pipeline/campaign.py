@@ -1,0 +1,325 @@
+"""The campaign: missions through the four stages, on many cores; resumable, and never stopped by one mission.
+
+Heavy libraries are imported by the stages alone, so that a run that finds nothing to do ends at once.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import mission as missions
+from pipeline import provenance, store
+from pipeline.findings import InputError, in_one_line
+from pipeline.progress import Bar
+from pipeline.roster import OUTPUTS, STAGES, Job, Outcome, inputs, resolve_vehicle
+
+if TYPE_CHECKING:
+    from pipeline.mission import Mission
+    from pipeline.workers import Workers
+
+#: Keys of mission.yaml that a stage's result does not depend on.
+UNREAD: dict[str, set[str]] = {
+    "ingest": {"vehicle", "description", "ballast", "coefficients", "speed_sensor", "gps", "nominal"},
+    "estimate": {"description", "nominal", "format", "files", "vehicle", "coefficients"},
+    "model": set(missions.Mission.model_fields),
+    "report": {"vehicle", "coefficients", "files"},
+}
+
+ERROR_LOG = "error.log"
+
+
+def stage_key(job: Job, stage: str) -> dict[str, Any]:
+    """Return all that the result of `stage` depends on, see `provenance.key`.
+
+    Raises
+    ------
+    InputError
+        If the mission cannot be read, or a stage before this one has not been run.
+    """
+    with _in_one_line(job, stage):
+        return _describe(job, stage, missions.load(job.folder))
+
+
+def _describe(job: Job, stage: str, mission: Mission) -> dict[str, Any]:
+    configuration: dict[str, Any] = {
+        "mission": mission.model_dump(mode="json", exclude=UNREAD[stage]),
+        "name": mission.slug,
+    }
+    if stage == "ingest":
+        files, configuration["beside"] = inputs(mission)
+        return provenance.key(stage, provenance.digests(files), configuration)
+    earlier = [name for before in STAGES[: STAGES.index(stage)] for name in OUTPUTS[before]]
+    files = {name: job.path(name) for name in earlier if job.path(name).is_file()}
+    for name in earlier:
+        if name not in files and name != "stored.parquet":
+            before = next(before for before in STAGES if name in OUTPUTS[before])
+            raise InputError(
+                f"{job.results.parent.name}/{job.name}/{name}",
+                found="no such file",
+                expected=f"the result of stage '{before}'",
+                remedy=f"run 'seatrial {before} {job.folder}' first",
+            )
+    vehicle = resolve_vehicle(mission, store.read_json(job.path("ingest.json"))["constants"])
+    described = {name: list(vars(item).values()) for name, item in sorted(vehicle.coefficients.items())}
+    configuration["vehicle"] = {"name": vehicle.name, "coefficients": store.digest_text(repr(described))}
+    if stage == "estimate":
+        configuration["engine"] = job.engine
+    return provenance.key(stage, provenance.digests(files), configuration)
+
+
+def perform(job: Job, stage: str, described: Mapping[str, Any]) -> None:
+    """Run one stage of one mission and record where its results came from.
+
+    Raises
+    ------
+    InputError
+        If the stage cannot be done, whatever the reason.
+    """
+    with _in_one_line(job, stage):
+        _RUN[stage](job, missions.load(job.folder), described)
+        written = {name: job.path(name) for name in OUTPUTS[stage] if job.path(name).is_file()}
+        provenance.record(job.results, stage, described, provenance.digests(written))
+        (job.results / ERROR_LOG).unlink(missing_ok=True)
+
+
+@contextmanager
+def _in_one_line(job: Job, stage: str) -> Iterator[None]:
+    """Turn any error into an `InputError`; the account of one that nobody foresaw goes to error.log."""
+    try:
+        yield
+    except (InputError, OSError) as error:
+        raise in_one_line(error, job.name, stage, "") from error
+    except Exception as error:
+        place = str(provenance.PACKAGE.parent) + os.sep
+        account = "".join(traceback.format_exception(error)).replace(place, "")
+        store.write_text(job.results / ERROR_LOG, account)
+        remedy = f"please report it with {job.results.parent.name}/{job.name}/{ERROR_LOG}"
+        raise in_one_line(error, job.name, stage, remedy) from error
+
+
+def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
+    from pipeline.ingest import ingest
+    from pipeline.records import RECORDS, STORED
+
+    result = ingest(mission)
+    store.write_table(job.path("records.parquet"), result.records, RECORDS, {"mission": job.name})
+    if result.stored is None:
+        job.path("stored.parquet").unlink(missing_ok=True)
+    else:
+        store.write_table(job.path("stored.parquet"), result.stored, STORED, {"mission": job.name})
+    content = {
+        "format": result.format,
+        "constants": result.constants,
+        "findings": [finding.as_dict() for finding in result.findings],
+    }
+    store.write_json(job.path("ingest.json"), content)
+
+
+def _estimate(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
+    from pipeline.estimate.blocks import block_means
+    from pipeline.estimate.kinematic import estimate
+    from pipeline.records import BLOCKS, ESTIMATES
+
+    records = store.read_table(job.path("records.parquet"))
+    constants = store.read_json(job.path("ingest.json"))["constants"]
+    vehicle = resolve_vehicle(mission, constants)
+    estimated = estimate(records, vehicle, mission, engine=job.engine)
+    blocks, findings = block_means(records, estimated.estimates, vehicle, mission, constants)
+    store.write_table(job.path("estimates.parquet"), estimated.estimates, ESTIMATES, {"mission": job.name})
+    store.write_table(job.path("blocks.parquet"), blocks, BLOCKS, {"mission": job.name})
+    listed = [finding.as_dict() for finding in (*estimated.findings, *findings)]
+    store.write_json(job.path("estimate.json"), {**estimated.report, "findings": listed})
+
+
+def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
+    from pipeline.model.predict import predict
+    from pipeline.records import PREDICTIONS
+
+    vehicle = resolve_vehicle(mission, store.read_json(job.path("ingest.json"))["constants"])
+    predictions = predict(vehicle, store.read_table(job.path("blocks.parquet")))
+    store.write_table(job.path("predictions.parquet"), predictions, PREDICTIONS, {"mission": job.name})
+
+
+def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
+    from pipeline.report import Inputs, build
+
+    ingested = store.read_json(job.path("ingest.json"))
+    stages = {stage: entry for stage, entry in provenance.read(job.results).items() if stage != "report"}
+    summary, page = build(
+        Inputs(
+            mission=mission,
+            vehicle=resolve_vehicle(mission, ingested["constants"]),
+            records=store.read_table(job.path("records.parquet")),
+            estimates=store.read_table(job.path("estimates.parquet")),
+            blocks=store.read_table(job.path("blocks.parquet")),
+            predictions=store.read_table(job.path("predictions.parquet")),
+            stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,
+            ingest=ingested,
+            estimate=store.read_json(job.path("estimate.json")),
+            provenance={"stages": {**stages, "report": dict(described)}},
+        )
+    )
+    store.write_json(job.path("summary.json"), summary)
+    store.write_text(job.path("report.html"), page)
+
+
+_RUN: dict[str, Callable[[Job, Mission, Mapping[str, Any]], None]] = {
+    "ingest": _ingest,
+    "estimate": _estimate,
+    "model": _model,
+    "report": _report,
+}
+
+
+def fail(job: Job, stage: str, error: str) -> None:
+    """Remove what is no longer true of a mission that failed in `stage`, and leave the reason for the index."""
+    if job.results.is_dir():
+        provenance.forget(job.results, stage)
+    for later in STAGES[STAGES.index(stage) :]:
+        for name in OUTPUTS[later]:
+            job.path(name).unlink(missing_ok=True)
+    mark(job.reports, job.name, error)
+
+
+def mark(reports: Path, name: str, error: str) -> None:
+    """Put the reason why there is no report in the place of the report."""
+    (reports / "report.html").unlink(missing_ok=True)
+    store.write_json(reports / "summary.json", {"mission": name, "error": error})
+
+
+def run_stage(job: Job, stage: str, *, force: bool = False) -> Outcome:
+    """Run one stage of one mission in this process, unless nothing has changed since it was last run."""
+    try:
+        described = stage_key(job, stage)
+        if not force and provenance.is_current(provenance.read(job.results).get(stage), described, job.path):
+            return Outcome(job.name)
+        perform(job, stage, described)
+    except InputError as error:
+        return Outcome(job.name, error=str(error))
+    return Outcome(job.name, (stage,))
+
+
+@dataclass
+class _Course:
+    """How far a mission has come in this run: the stages ahead of it, and those that were run."""
+
+    job: Job
+    ahead: deque[str] = field(default_factory=lambda: deque(STAGES))
+    ran: list[str] = field(default_factory=list)
+    alone: bool = False
+
+
+def run(
+    jobs: list[Job], workers: Workers, *, force: bool = False, tell: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Take every mission through every stage that is not current, and return how each ended, in the order of `jobs`.
+
+    A mission whose process is killed is tried once more with nothing beside it; only if it dies again has it failed.
+
+    Parameters
+    ----------
+    jobs
+        The missions.
+    workers
+        Where stages run.
+    force
+        Run stages that are current, too.
+    tell
+        Called with each outcome as soon as it is known.
+    """
+    outcomes: dict[str, Outcome] = {}
+    waiting = deque(_Course(job) for job in jobs)
+    orphans: deque[_Course] = deque()
+    running: dict[Future[None], _Course] = {}
+
+    def end(course: _Course, error: str = "") -> None:
+        if error:
+            fail(course.job, course.ahead[0], error)
+        outcome = Outcome(course.job.name, tuple(course.ran), error)
+        outcomes[course.job.name] = outcome
+        tell(outcome)
+
+    def start(course: _Course) -> None:
+        """Submit the first stage ahead of a mission that is not current, if there is one."""
+        while course.ahead:
+            stage = course.ahead[0]
+            try:
+                described = stage_key(course.job, stage)
+            except InputError as error:
+                return end(course, str(error))
+            recorded = provenance.read(course.job.results).get(stage)
+            if force or not provenance.is_current(recorded, described, course.job.path):
+                running[workers.submit(perform, course.job, stage, described)] = course
+                return None
+            course.ahead.popleft()
+        return end(course)
+
+    def finish(future: Future[None], course: _Course) -> None:
+        try:
+            future.result()
+        except InputError as error:
+            end(course, str(error))
+        except BrokenExecutor:
+            if course.alone:
+                end(course, str(_killed(course)))
+            else:
+                course.alone = True
+                orphans.append(course)
+        except Exception as error:
+            end(
+                course,
+                f"{course.job.name}: {course.ahead[0]}: found {type(error).__name__} from the scheduler: {error}",
+            )
+        else:
+            course.ran.append(course.ahead.popleft())
+            course.alone = False
+            waiting.appendleft(course)
+
+    with Bar(len(jobs) * len(STAGES)) as bar:
+        while waiting or orphans or running:
+            if orphans:
+                if not running:
+                    start(orphans.popleft())
+            else:
+                while waiting and len(running) < workers.width:
+                    start(waiting.popleft())
+            for future in wait(running, timeout=0.25, return_when=FIRST_COMPLETED).done:
+                finish(future, running.pop(future))
+            ahead = sum(len(course.ahead) for course in (*running.values(), *waiting, *orphans))
+            bar.update(len(jobs) * len(STAGES) - ahead, (f"{c.job.name} {c.ahead[0]}" for c in running.values()))
+    return [outcomes[job.name] for job in jobs]
+
+
+def _killed(course: _Course) -> InputError:
+    return InputError(
+        course.job.name,
+        course.ahead[0],
+        found="that its process was killed, twice",
+        expected="it to end by itself",
+        remedy="perhaps memory ran out: set 'dives' in mission.yaml, or use a larger machine",
+    )
+
+
+def write_index(processed: Path, reports: Path) -> Path:
+    """Write reports/index.html anew if a summary has changed, and return its path."""
+    path = reports / "index.html"
+    found = {file.parent.name: file for file in sorted(reports.glob("*/summary.json"))}
+    described = provenance.key("report", provenance.digests(found), {})
+    recorded = processed / provenance.FILE
+    content: dict[str, Any] = {}
+    with suppress(OSError, ValueError):
+        content = store.read_json(recorded)
+    if not provenance.is_current(content.get("index"), described, lambda name: reports / name):
+        from pipeline.report import index
+
+        store.write_text(path, index([store.read_json(file) for file in found.values()]))
+        store.write_json(recorded, {"index": {**described, "outputs": {path.name: store.digest(path)}}})
+    return path

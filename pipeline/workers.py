@@ -1,0 +1,109 @@
+"""Workers: the processes that run stages, here or on a cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import suppress
+from multiprocessing import connection
+from types import TracebackType
+from typing import Any, TypeVar
+
+from pipeline.findings import InputError
+
+T = TypeVar("T")
+
+#: Linear algebra on one thread a worker: cores go to missions, and sums do not depend on their number.
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+
+
+class Workers:
+    """An executor that is started when first needed and replaced when one of its processes is killed.
+
+    Parameters
+    ----------
+    make
+        Starts the executor.
+    width
+        How many tasks it should be given at a time.
+    """
+
+    def __init__(self, make: Callable[[], Executor], width: int) -> None:
+        self._make = make
+        self._executor: Executor | None = None
+        self.width = width
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Hand over `task`, to a fresh executor if the present one is broken."""
+        if self._executor is not None:
+            with suppress(BrokenExecutor):
+                return self._executor.submit(task, *arguments)
+            self._executor.shutdown(wait=False)
+        self._executor = self._make()
+        return self._executor.submit(task, *arguments)
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._executor is not None:
+            self._executor.shutdown(wait=error is None, cancel_futures=True)
+
+
+def local(count: int) -> Workers:
+    """Return workers on this machine, `count` processes that end when this one does."""
+
+    def make() -> Executor:
+        os.environ.update(ONE_THREAD)
+        methods = multiprocessing.get_all_start_methods()
+        context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+        return ProcessPoolExecutor(count, mp_context=context, initializer=_settle)
+
+    return Workers(make, count)
+
+
+def cluster(address: str) -> Workers:
+    """Return the workers of the dask scheduler at `address`; they must see the same folders as this process.
+
+    Raises
+    ------
+    InputError
+        If dask.distributed is not installed or no scheduler answers.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError(
+            "--scheduler",
+            found="no dask.distributed",
+            expected="the extra 'cluster'",
+            remedy="pip install 'seatrial[cluster]'",
+        ) from error
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "--scheduler", found=f"no answer from '{address}'", expected="a dask scheduler, as in tcp://host:8786"
+        ) from error
+    return Workers(lambda: client.get_executor(pure=False), max(1, sum(client.nthreads().values())))
+
+
+def _settle() -> None:
+    """Leave interrupts to the parent, and end with it however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
