@@ -51,6 +51,22 @@ KNOWN: dict[str, Quantity] = {
     "righting_moment": Quantity("M_s", "N m/rad", "moment M_s sin(pitch), negative = bottom-heavy", 0.0),
 }
 
+#: Coefficients that are positive or unknown.
+POSITIVE = frozenset(
+    {
+        "lift_slope",
+        "parasite_drag",
+        "induced_drag",
+        "pitch_inertia",
+        "mass_forward",
+        "mass_normal",
+        "propeller_diameter",
+        "reference_density",
+        "mass",
+        "battery_mass",
+    }
+)
+
 
 @dataclass(frozen=True)
 class Coefficient:
@@ -115,6 +131,8 @@ class Vehicle:
     def with_values(self, changes: Mapping[str, float], source: str) -> Vehicle:
         """Return the vehicle with some coefficients replaced, their relative 1-sigma kept.
 
+        The 1-sigma stays as it is where the old value is zero, and unknown where it is unknown.
+
         Raises
         ------
         KeyError
@@ -122,9 +140,10 @@ class Vehicle:
         """
         changed = dict(self.coefficients)
         for name, value in changes.items():
-            old = self.coefficients.get(name)
-            relative = old.std / abs(old.value) if old and old.value and math.isfinite(old.std) else 0.0
-            changed[name] = Coefficient(value, relative * abs(value), KNOWN[name].unit, source)
+            std = self.std(name)
+            if self[name] and math.isfinite(self[name]):
+                std *= abs(value / self[name])
+            changed[name] = Coefficient(float(value), std, KNOWN[name].unit, source)
         return replace(self, coefficients=changed)
 
 
@@ -199,12 +218,26 @@ def _coefficient(name: str, entry: Any, file: str) -> Coefficient:
         raise InputError(
             file, name, found=f"{entry['value']!r} ± {entry['std']!r}", expected="numbers or 'unknown'"
         ) from error
-    positive = {"lift_slope", "parasite_drag", "mass", "mass_forward", "mass_normal", "reference_density"}
-    if name in positive and value <= 0:
-        raise InputError(file, name, found=f"{value:g} {quantity.unit}", expected="a positive number")
-    if std < 0:
+    check_value(name, value, file)
+    if std < 0 or math.isinf(std):
         raise InputError(file, name, found=f"std {std:g}", expected="a 1-sigma of zero or more")
     return Coefficient(value, std, quantity.unit, str(entry["source"]))
+
+
+def check_value(name: str, value: float, file: str) -> None:
+    """Refuse a `value` that the coefficient `name` given in `file` cannot have; NaN stands for unknown.
+
+    Raises
+    ------
+    InputError
+        If there is no such coefficient (the nearest is named), or the value is infinite or not positive as it must be.
+    """
+    if name not in KNOWN:
+        raise InputError(file, name, found="an unknown coefficient", remedy=nearest(name, list(KNOWN)))
+    if math.isinf(value):
+        raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="a finite number")
+    if name in POSITIVE and value <= 0:
+        raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="a positive number")
 
 
 def from_seaglider(
