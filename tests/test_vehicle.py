@@ -1,0 +1,210 @@
+"""Vehicle files: what they must say, what they are refused for, and where their numbers come from."""
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline import vehicle
+from pipeline.findings import InputError
+
+MASS = {"value": 70.0, "std": 1.0, "unit": "kg", "source": "scales"}
+
+
+def refusal(content: object) -> str:
+    with pytest.raises(InputError) as caught:
+        vehicle.parse(content, "mine.yaml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", vehicle.names())
+def test_every_vehicle_of_the_package_says_what_the_theory_needs(name: str) -> None:
+    found = vehicle.load(name)
+    assert found.name == name
+    needed = (*vehicle.Polar._fields, "reference_density", "mass", "compressibility", "thermal_expansion")
+    assert all(math.isfinite(found[key]) and math.isfinite(found.std(key)) for key in needed)
+    assert all(coefficient.source for coefficient in found.coefficients.values())
+
+
+def test_unknown_vehicle_names_the_nearest() -> None:
+    with pytest.raises(InputError) as caught:
+        vehicle.load("petrel-2")
+    assert str(caught.value) == (
+        "mission.yaml: vehicle: found 'petrel-2'; expected a known vehicle; did you mean 'petrel-ii'?"
+    )
+
+
+def test_missing_vehicle_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        vehicle.load("mine.yaml", tmp_path)
+    assert str(caught.value) == "mine.yaml: found no such vehicle file; put it beside mission.yaml"
+
+
+def test_vehicle_file_beside_the_mission_is_read(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump({"name": "mine", "coefficients": {"mass": MASS}}))
+    mine = vehicle.load("mine.yaml", tmp_path)
+    assert (mine.name, mine["mass"], mine.std("mass")) == ("mine", 70.0, 1.0)
+    assert mine.propeller is None
+
+
+def test_text_that_is_not_yaml_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("a: [1")
+    with pytest.raises(InputError) as caught:
+        vehicle.load("mine.yaml", tmp_path)
+    assert str(caught.value) == "mine.yaml: found text that is not YAML; expected a vehicle file"
+
+
+@pytest.mark.parametrize("missing", ["std", "unit", "source"])
+def test_coefficient_without_std_unit_or_source_is_refused(missing: str) -> None:
+    entry = {key: value for key, value in MASS.items() if key != missing}
+    assert refusal({"coefficients": {"mass": entry}}) == (
+        f"mine.yaml: mass: found {entry!r}; expected the keys value, std, unit and source"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({}, "mine.yaml: found no 'coefficients'; expected keys name, description, coefficients"),
+        (
+            {"coefficients": {}, "nmae": "x"},
+            "mine.yaml: nmae: found an unknown key; did you mean 'name'?",
+        ),
+        (
+            {"coefficients": {"parasit_drag": MASS}},
+            "mine.yaml: parasit_drag: found an unknown coefficient; did you mean 'parasite_drag'?",
+        ),
+        (
+            {"coefficients": {"mass": MASS | {"value": -70.0}}},
+            "mine.yaml: mass: found -70 kg; expected a positive number",
+        ),
+        (
+            {"coefficients": {"mass": MASS | {"value": math.inf}}},
+            "mine.yaml: mass: found inf kg; expected a finite number",
+        ),
+        (
+            {"coefficients": {"parasite_drag": {"value": 0.0, "std": 0.1, "unit": "kg/m", "source": "x"}}},
+            "mine.yaml: parasite_drag: found 0 kg/m; expected a positive number",
+        ),
+        ({"coefficients": {"mass": MASS | {"unit": "g"}}}, "mine.yaml: mass: found unit 'g'; expected 'kg'"),
+        (
+            {"coefficients": {"mass": MASS | {"std": -1.0}}},
+            "mine.yaml: mass: found std -1; expected a 1-sigma of zero or more",
+        ),
+        (
+            {"coefficients": {"mass": MASS | {"value": "heavy"}}},
+            "mine.yaml: mass: found 'heavy' ± 1.0; expected numbers or 'unknown'",
+        ),
+    ],
+)
+def test_wrong_vehicle_file_is_refused_in_one_line(content: object, message: str) -> None:
+    assert refusal(content) == message
+
+
+def test_unknown_coefficient_has_neither_value_nor_std() -> None:
+    found = vehicle.parse({"coefficients": {"mass": MASS | {"value": "unknown", "std": "unknown"}}}, "mine.yaml")
+    assert math.isnan(found["mass"])
+    assert math.isnan(found.std("mass"))
+    assert math.isnan(found["lift_slope"])
+    assert math.isnan(found.std("lift_slope"))
+    assert (found["lift_at_zero"], found.std("lift_at_zero")) == (0.0, 0.0)
+
+
+def test_replaced_value_keeps_its_relative_std() -> None:
+    petrel = vehicle.load("petrel-ii").with_values({"parasite_drag": 9.0, "lift_at_zero": 0.5}, "a fit")
+    assert petrel["parasite_drag"] == 9.0
+    assert petrel.std("parasite_drag") == pytest.approx(9.0 * 0.736 / 7.3579, rel=1e-12)
+    assert petrel.coefficients["parasite_drag"].source == "a fit"
+    assert petrel.std("lift_at_zero") == 0.0
+
+
+def test_replaced_value_of_unknown_std_stays_unknown() -> None:
+    slocum = vehicle.load("slocum-g2").with_values({"moment_slope": -300.0}, "a guess")
+    assert slocum["moment_slope"] == -300.0
+    assert math.isnan(slocum.std("moment_slope"))
+
+
+def test_replacing_an_unknown_name_is_an_error() -> None:
+    with pytest.raises(KeyError, match="parasit_drag"):
+        vehicle.load("petrel-ii").with_values({"parasit_drag": 9.0}, "a typo")
+
+
+# Published numbers, converted here independently of the vehicle files.
+
+
+def test_slocum_file_holds_the_numbers_of_merckelbach_2010_and_2019() -> None:
+    slocum = vehicle.load("slocum-g2")
+    half_rho_s = 0.5 * slocum["reference_density"] * 0.1
+    aspect, sweep = 7.0, math.radians(43.0)
+    a_w = 2.0 * math.pi * aspect / (2.0 + math.sqrt(aspect**2 * (1.0 + math.tan(sweep) ** 2) + 4.0))
+    assert a_w == pytest.approx(3.734, abs=5e-4)
+    c_d1 = 9.7 + a_w**2 / (math.pi * 0.8 * aspect)
+    assert c_d1 == pytest.approx(10.49, abs=5e-3)
+    assert slocum["lift_slope"] == pytest.approx(half_rho_s * (3.8 + a_w), rel=2e-5)
+    assert slocum["parasite_drag"] == pytest.approx(half_rho_s * 0.15, rel=2e-5)
+    assert slocum["induced_drag"] == pytest.approx(half_rho_s * c_d1, rel=2e-5)
+    assert slocum["mass_forward"] == pytest.approx(1.2 * slocum["mass"])
+    assert slocum["mass_normal"] == pytest.approx(1.92 * slocum["mass"])
+    assert slocum["compressibility"] == 5e-10
+
+
+def eriksen(a: float, b: float, c: float, s: float, speed: float, alpha: float) -> tuple[float, float]:
+    """Return lift and drag in N as Eriksen et al. (2001) write them, α in rad, ρ = 1027.5 kg/m³, l = 1.8 m."""
+    q = 0.5 * 1027.5 * speed**2
+    degrees = math.degrees(alpha)
+    return q * 1.8**2 * a * degrees, q * 1.8**2 * (b * q**s + c * degrees**2)
+
+
+@pytest.mark.parametrize(
+    ("name", "a", "b", "c", "s"),
+    [
+        ("seaglider", 0.003836, 0.010078, 9.85e-6, -0.25),
+        ("seaglider-sgx", 0.00355, 0.0034, 5.7e-6, 0.0),
+    ],
+)
+@pytest.mark.parametrize("speed", [0.15, 0.27, 0.6])
+@pytest.mark.parametrize("alpha", [-0.06, 0.0, 0.03])
+def test_seaglider_files_give_the_forces_of_eriksen_2001(
+    name: str, a: float, b: float, c: float, s: float, speed: float, alpha: float
+) -> None:
+    polar = vehicle.load(name).polar
+    lift, drag = eriksen(a, b, c, s, speed, alpha)
+    assert polar.lift_slope * alpha * speed**2 == pytest.approx(lift, rel=3e-5)
+    here = polar.parasite_drag * speed ** (2.0 + polar.drag_exponent) + polar.induced_drag * alpha**2 * speed**2
+    assert here == pytest.approx(drag, rel=3e-5)
+
+
+@given(
+    a=st.floats(7e-4, 7e-3),
+    b=st.floats(2e-3, 3e-2),
+    c=st.floats(1e-6, 5e-5),
+    s=st.sampled_from([-0.25, -0.3, 0.0]),
+    speed=st.floats(0.05, 1.0),
+    alpha=st.floats(-0.2, 0.2),
+)
+def test_constants_of_a_seaglider_file_give_the_forces_of_eriksen_2001(
+    a: float, b: float, c: float, s: float, speed: float, alpha: float
+) -> None:
+    constants = {"hd_a": a, "hd_b": b, "hd_c": c, "hd_s": s, "glider_length": 1.8}
+    polar = vehicle.from_seaglider(vehicle.load("seaglider"), constants, source="a dive").polar
+    lift, drag = eriksen(a, b, c, s, speed, alpha)
+    assert polar.lift_slope * alpha * speed**2 == pytest.approx(lift, rel=1e-12, abs=1e-300)
+    here = polar.parasite_drag * speed ** (2.0 + polar.drag_exponent) + polar.induced_drag * alpha**2 * speed**2
+    assert here == pytest.approx(drag, rel=1e-12)
+
+
+def test_constants_missing_in_a_seaglider_file_leave_the_vehicle_as_it_was() -> None:
+    base = vehicle.load("seaglider")
+    assert vehicle.from_seaglider(base, {}, source="a dive").coefficients == base.coefficients
+    changed = vehicle.from_seaglider(
+        base, {"mass": 56.69, "abs_compress": 2.6e-6, "therm_expan": 7e-5, "temp_ref": 10.0}, source="a dive"
+    )
+    assert changed["mass"] == 56.69
+    assert changed["compressibility"] == pytest.approx(2.6e-10)
+    assert changed["thermal_expansion"] == 7e-5
+    assert changed["reference_temperature"] == 10.0
+    assert changed.polar == base.polar
+    assert changed.std("compressibility") / changed["compressibility"] == pytest.approx(1.0 / 4.2)
