@@ -3,7 +3,7 @@
 The paper (doi:10.1007/s13344-017-0061-y) publishes depths, pitch, net buoyancy and propeller speed of its trials,
 but neither the water nor the engine's volumes nor, for the gliding trial, pitch and net buoyancy. What is added here
 is ordinary for the place and the season, and said so in each description. In the profiles chosen the vehicle's hull
-yields to pressure and cold nearly as the water does: below 100 m net buoyancy stays within 1 N of its nominal value.
+yields to pressure and cold nearly as the water does: below 120 m net buoyancy stays within 1 N of its nominal value.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _gliding() -> Plan:
 
 #: Fixed-depth trial: held stretches end above the first and corrections below the second depth, m; propeller speed
 #: of the corrections, 1/min, at which the mean speed of a leg is that of its held stretches within 0.5 %.
-BAND = (7.6, 11.75)
+BAND = (7.6, 11.8)
 CORRECTION_RPM = 920.0
 
 
@@ -119,11 +119,11 @@ def _fixed_depth() -> Plan:
         current_east=0.10,
         current_north=0.03,
         current_std=0.015,
-        pump_rate=1e-5,
+        pump_rate=2e-5,
         battery_rate=5e-3,
         pitch_slew_deg=2.5,
         pitch_deadband_deg=0.05,
-        gain_proportional=0.12,
+        gain_proportional=0.2,
         gain_integral=0.02,
         attitude_s=2.0,
         engine_s=4.0,

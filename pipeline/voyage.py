@@ -201,7 +201,6 @@ def fly(
             if rig.battery_weight > 0.0:
                 balance += rig.righting_moment * math.tan(order[0]) / rig.battery_weight
             rate[1] = _toward(now[1], min(max(balance, -rig.battery_range), rig.battery_range), rig.battery_rate)
-            rate[3] = 0.0
         else:
             reference += _toward(reference, order[0], rig.pitch_slew) * TICK
             previous, error = error, reference - (y[1] + y[2] + rig.pitch_bias)
@@ -209,8 +208,8 @@ def fly(
             if abs(error) > rig.deadband:
                 wanted -= rig.gain_proportional * (error - previous) + rig.gain_integral * error * TICK
             rate[1] = _toward(now[1], min(max(wanted, -rig.battery_range), rig.battery_range), rig.battery_rate)
-            off = order[3] + disturbances[k + 1, 3] - now[3]
-            rate[3] = _toward(0.0, math.atan2(math.sin(off), math.cos(off)), rig.turn_rate)
+        off = order[3] + disturbances[k + 1, 3] - now[3]
+        rate[3] = _toward(0.0, math.atan2(math.sin(off), math.cos(off)), rig.turn_rate)
 
         # Water: linear through the coming second.
         for i in range(3):
