@@ -85,6 +85,7 @@ def read(mission: Mission) -> Logs:
     ctd, about_ctd = _ctd(segments.science)
     stream, about_flight = _flight(flight, with_pressure="pressure" not in ctd)
     findings += about_ctd + about_flight
+    stream.attrs, ctd.attrs = {"name": "flight"}, {"name": "CTD"}
     return Logs(streams=[frame for frame in (stream, ctd) if len(frame)], findings=gather(findings))
 
 

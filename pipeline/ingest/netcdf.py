@@ -1,0 +1,104 @@
+"""netCDF files: a few variables out of the many hundreds that a glider's file may hold, as plain arrays.
+
+`xarray` masks and scales the values by the CF conventions; the files are opened beneath it, because opening all
+700 variables of a Seaglider file through it takes seconds a file, and twenty are wanted.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.findings import InputError
+from pipeline.ingest.logs import UnreadableError
+
+Variables = dict[str, npt.NDArray[Any]]
+
+_CLASSIC = (b"CDF\x01", b"CDF\x02")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_ATTRIBUTES = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+
+
+def require() -> None:
+    """Raise `InputError` with the remedy if the packages that read netCDF cannot be imported."""
+    try:
+        import h5netcdf  # noqa: F401
+        import xarray  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            "netCDF files", found=f"no {error.name} to read them with", remedy="pip install 'seatrial[netcdf]'"
+        ) from error
+
+
+def variables(path: Path, wanted: re.Pattern[str]) -> Variables:
+    """Return the variables of `path` whose names match `wanted` from end to end.
+
+    Parameters
+    ----------
+    path
+        netCDF file, classic (versions 1 and 2) or netCDF-4.
+    wanted
+        Pattern of names.
+
+    Raises
+    ------
+    UnreadableError
+        If the file is empty, cut short, or no netCDF.
+    """
+    import xarray
+
+    try:
+        with path.open("rb") as file:
+            magic = file.read(8)
+    except OSError as error:
+        raise UnreadableError(f"a file that cannot be opened ({error.strerror})", remedy="left out") from error
+    if not magic:
+        raise UnreadableError("an empty file", "netCDF")
+    if magic != _HDF5 and magic[:4] not in _CLASSIC:
+        raise UnreadableError("no netCDF header", "netCDF, classic or 4")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            raw = _netcdf4(path, wanted) if magic == _HDF5 else _classic(path, wanted)
+            data = xarray.decode_cf(xarray.Dataset(raw), decode_times=False, decode_coords=False)
+            return {str(name): np.asarray(variable.values) for name, variable in data.variables.items()}
+    except Exception as error:  # whatever a damaged file makes of offsets, lengths and types
+        raise UnreadableError("a damaged netCDF file", "a whole one") from error
+
+
+def _netcdf4(path: Path, wanted: re.Pattern[str]) -> dict[str, Any]:
+    import h5netcdf
+    import xarray
+
+    with h5netcdf.File(path, "r") as file:
+        return {
+            name: xarray.Variable(
+                variable.dimensions,
+                variable[...],
+                {key: variable.attrs[key] for key in _ATTRIBUTES if key in variable.attrs},
+            )
+            for name in file.variables
+            if wanted.fullmatch(name)
+            for variable in [file.variables[name]]
+        }
+
+
+def _classic(path: Path, wanted: re.Pattern[str]) -> dict[str, Any]:
+    import xarray
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, "r", mmap=False) as file:
+        return {
+            name: xarray.Variable(
+                variable.dimensions,
+                np.array(variable.data).astype(variable.data.dtype.newbyteorder("=")),
+                {key: getattr(variable, key) for key in _ATTRIBUTES if hasattr(variable, key)},
+            )
+            for name, variable in file.variables.items()
+            if wanted.fullmatch(name)
+        }
