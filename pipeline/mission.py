@@ -21,9 +21,9 @@ class _Strict(BaseModel):
 class PitchCorrection(_Strict):
     """Calibration of the attitude sensor: pitch = scale · logged + offset, with the 1-sigma that remains."""
 
-    scale: float = Field(1.0, gt=0.2, lt=5.0)
-    offset_rad: float = Field(0.0, gt=-0.5, lt=0.5)
-    std_deg: float = Field(0.3, ge=0.0, lt=10.0, description="1-sigma of the remaining pitch bias")
+    scale: float = Field(1.0, gt=0.2, lt=5.0, description="factor on the logged pitch")
+    offset_rad: float = Field(0.0, gt=-0.5, lt=0.5, description="rad, added after scaling, nose up positive")
+    std_deg: float = Field(0.3, ge=0.0, lt=10.0, description="degrees, 1-sigma of the remaining pitch bias")
 
 
 class Ballast(_Strict):
@@ -46,14 +46,14 @@ class Ballast(_Strict):
 class TableColumn(_Strict):
     """One column of a plain table: its name in the file and its unit."""
 
-    column: str
-    unit: str | None = None
+    column: str = Field(description="name in the file's header")
+    unit: str | None = Field(None, description="its unit; guessed from the header if left out")
 
 
 class Table(_Strict):
     """How a plain table is to be read; what is left out is guessed from the header, and the guess is listed."""
 
-    time: TableColumn | None = None
+    time: TableColumn | None = Field(None, description="column of the time")
     timezone: str = Field("UTC", description="IANA name of the zone that times without one are in")
     columns: dict[str, TableColumn | str] = Field(
         default_factory=dict, description="canonical name: column in the file (and its unit)"
@@ -64,33 +64,37 @@ class Table(_Strict):
 class Nominal(_Strict):
     """Settings and published results of one part of a trial, for the table of the paper's Section 5."""
 
-    name: str
+    name: str = Field(description="heading in the table")
     net_buoyancy: float = Field(description="N, up positive")
-    propeller_speed_rpm: float = Field(0.0, ge=0, le=6000)
-    pitch_deg: float | None = Field(None, ge=-90, le=90, description="measured mean pitch")
+    propeller_speed_rpm: float = Field(0.0, ge=0, le=6000, description="rev/min")
+    pitch_deg: float | None = Field(None, ge=-90, le=90, description="degrees, measured mean pitch")
     density: float | None = Field(None, gt=900, lt=1100, description="kg/m3; the vehicle's reference if left out")
     published_speed: float | None = Field(None, gt=0, description="m/s, measured speed as published")
     published_theory_speed: float | None = Field(None, gt=0, description="m/s, theoretical speed as published")
-    published_theory_pitch_deg: float | None = None
+    published_theory_pitch_deg: float | None = Field(None, description="degrees, theoretical pitch as published")
     direction: Literal["up", "down", "level"] | None = Field(
         None, description="blocks this part is compared with: climbs, dives, or level flight"
     )
-    powered: bool | None = None
-    source: str = ""
+    powered: bool | None = Field(None, description="only blocks with, or without, the propeller turning")
+    source: str = Field("", description="where the numbers are published")
 
 
 class Mission(_Strict):
     """One mission. `vehicle` is the only key that must be given."""
 
-    vehicle: str
-    name: str = Field("", description="defaults to the folder's name")
-    description: str = ""
-    format: Literal["auto", "slocum", "seaglider", "table"] = "auto"
-    latitude: float | None = Field(None, ge=-90, le=90, description="where the logs carry no position")
-    longitude: float | None = Field(None, ge=-180, le=360)
-    pitch: PitchCorrection = PitchCorrection()
-    ballast: Ballast = Ballast()
-    coefficients: dict[str, float] = Field(default_factory=dict, description="overrides of the vehicle file")
+    vehicle: str = Field(description="name of a vehicle (`seatrial vehicles`), or a vehicle file beside mission.yaml")
+    name: str = Field("", description="under which results are filed; the folder's name if left out")
+    description: str = Field("", description="for the page")
+    format: Literal["auto", "slocum", "seaglider", "table"] = Field(
+        "auto", description="of the logs; recognised from the files"
+    )
+    latitude: float | None = Field(None, ge=-90, le=90, description="degrees north, where the logs carry no position")
+    longitude: float | None = Field(None, ge=-180, le=360, description="degrees east")
+    pitch: PitchCorrection = Field(PitchCorrection(), description="calibration of the attitude sensor")
+    ballast: Ballast = Field(Ballast(), description="what the vehicle weighs and displaces")
+    coefficients: dict[str, float] = Field(
+        default_factory=dict, description="values in place of those of the vehicle file"
+    )
     files: dict[str, Table] = Field(default_factory=dict, description="plain tables by file name")
     salinity: Literal["measured", "baltic", "fresh"] = Field(
         "measured", description="'baltic': Baltic absolute salinity; 'fresh': no conductivity needed"
@@ -98,11 +102,11 @@ class Mission(_Strict):
     speed_sensor: Literal["check", "use", "ignore"] = Field(
         "check", description="a speed sensor is held out as a check, used by the estimator, or ignored"
     )
-    gps: Literal["use", "ignore"] = "use"
+    gps: Literal["use", "ignore"] = Field("use", description="speed between fixes at the ends of submerged legs")
     dives: tuple[int, int] | None = Field(None, description="first and last dive to analyse")
-    minimum_block_s: float = Field(60.0, gt=0)
-    block_s: float = Field(300.0, gt=0, description="length at which steady flight is cut into blocks")
-    nominal: list[Nominal] = Field(default_factory=list)
+    minimum_block_s: float = Field(60.0, gt=0, description="s, shortest steady flight that makes a block")
+    block_s: float = Field(300.0, gt=0, description="s, length at which steady flight is cut into blocks")
+    nominal: list[Nominal] = Field(default_factory=list, description="published settings and results to compare with")
     folder: Path = Field(Path(), exclude=True)
 
     @property
