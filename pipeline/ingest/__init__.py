@@ -1,1 +1,196 @@
-"""Stage 1: logs to canonical records."""
+"""Stage 1: logs to canonical records.
+
+Which files a mission has is found out without a heavy import, so that an unchanged mission costs nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from pipeline.findings import Finding, InputError
+from pipeline.mission import FILE, Mission
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.ingest.logs import Logs
+
+FORMATS = ("slocum", "seaglider", "table")
+
+
+@dataclass(frozen=True)
+class Ingested:
+    """What stage 1 hands on.
+
+    Attributes
+    ----------
+    records
+        The canonical table (`pipeline.records.RECORDS`).
+    findings
+        What was guessed, skipped, flagged or doubted.
+    constants, stored
+        Calibration constants and flight solution from the logs, see `pipeline.ingest.logs.Logs`.
+    format
+        ``slocum``, ``seaglider`` or ``table``.
+    """
+
+    records: pd.DataFrame
+    findings: list[Finding]
+    constants: dict[str, float]
+    stored: pd.DataFrame | None
+    format: str
+
+
+def recognise(mission: Mission) -> str:
+    """Return the format of a mission's logs: as mission.yaml says, else by the files in its folder.
+
+    Plain tables beside the files of a glider's own format are no logs unless mission.yaml names them.
+
+    Raises
+    ------
+    InputError
+        If there are no logs, or logs of several formats.
+    """
+    if mission.format != "auto":
+        return mission.format
+    found = {name: [path for path in _present(mission) if _reader(name).recognises(path)] for name in FORMATS}
+    native = [name for name in FORMATS if name != "table" and found[name]]
+    formats = native + (["table"] if mission.files or (found["table"] and not native) else [])
+    if len(formats) == 1:
+        return formats[0]
+    place = mission.folder.name or "mission"
+    if not formats:
+        others = sorted(path.name for path in _present(mission) if path.name != FILE)
+        shown = ", ".join(others[:5]) + (" …" if len(others) > 5 else "")
+        raise InputError(
+            place,
+            found=f"no logs among {shown}" if others else "an empty folder",
+            expected="plain tables (.csv, .parquet), Slocum files (.dbd, .ebd …) or Seaglider files (p*.nc)",
+            remedy="put the logs beside mission.yaml",
+        )
+    examples = ", ".join(
+        f"{name} ({(found[name] or [Path(next(iter(mission.files), ''))])[0].name})" for name in formats
+    )
+    raise InputError(
+        place,
+        found=f"logs of several formats: {examples}",
+        expected="one format",
+        remedy=f"set format: {' or '.join(formats)} in mission.yaml",
+    )
+
+
+def input_files(mission: Mission) -> list[Path]:
+    """Return every file that the stage reads, mission.yaml first: what a change is recognised by.
+
+    Raises
+    ------
+    InputError
+        As `recognise`.
+    """
+    own = [mission.folder / FILE]
+    if mission.vehicle.endswith((".yaml", ".yml")):
+        own.append(mission.folder / mission.vehicle)
+    form = recognise(mission)
+    logs = _reader(form).files(mission.folder)
+    if form == "table":
+        named = [mission.folder / name for name in mission.files]
+        logs = sorted({*logs, *(path for path in named if path.is_file())})
+    return [path for path in own if path.is_file()] + [path for path in logs if path not in own]
+
+
+def ingest(mission: Mission) -> Ingested:
+    """Return the canonical records of `mission`.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to analyse: no logs, no pitch, no pressure, an impossible unit.
+    """
+    import numpy as np
+
+    from pipeline.ingest import clock, merge, phases, plausibility, quality, seawater
+    from pipeline.records import RECORDS, conform, timestamps
+
+    form = recognise(mission)
+    logs: Logs = _reader(form).read(mission)
+    findings = [*_left_out(mission, form), *logs.findings]
+    streams = []
+    for k, frame in enumerate(logs.streams):
+        frame.attrs.setdefault("name", _label(frame, k))
+        kept, doubts = clock.cleaned(frame, str(frame.attrs["name"]))
+        streams.append(kept)
+        findings += doubts
+    streams = [frame for frame in streams if len(frame)]
+    streams, doubts = quality.checked(streams)
+    findings += doubts
+    quality.require(streams)
+    findings += quality.surface_offset(streams)
+    streams, doubts = seawater.with_sea_water(mission, streams)
+    findings += doubts
+    place, _ = seawater.position(mission, streams)
+    table, doubts = merge.merged(streams)
+    findings += doubts
+    table = table.assign(depth=seawater.depth(table["pressure"].to_numpy(dtype=np.float64), place.latitude))
+    if "heading" in table:
+        table = table.assign(heading=np.mod(table["heading"], 2 * np.pi))
+    findings += plausibility.checked(table, _source(streams, "pressure"), _source(streams, "pitch"))
+    table, notes = merge.with_pitch_correction(table, mission.pitch)
+    findings += notes
+    table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
+    table, notes = merge.selected(table, mission.dives)
+    findings += notes
+    if not (table["block"] >= 0).any():
+        findings.append(
+            Finding(
+                "warning",
+                "mission",
+                "phases",
+                "no steady flight",
+                f"at least {mission.minimum_block_s:g} s at one pitch, engine volume and propeller speed",
+                "nothing can be compared with theory",
+            )
+        )
+    records = conform(table.assign(time=timestamps(table["time"].to_numpy())), RECORDS)
+    return Ingested(records, findings, logs.constants, logs.stored, form)
+
+
+def _reader(form: str) -> ModuleType:
+    """Return the reader of a format; imported only when asked for."""
+    from importlib import import_module
+
+    return import_module(f"pipeline.ingest.{form}")
+
+
+def _present(mission: Mission) -> list[Path]:
+    return sorted(path for path in mission.folder.iterdir() if path.is_file() and not path.name.startswith("."))
+
+
+def _left_out(mission: Mission, form: str) -> list[Finding]:
+    """Return a note about plain tables lying beside the logs of another format."""
+    if form == "table":
+        return []
+    tables = [path.name for path in _reader("table").files(mission.folder)]
+    if not tables:
+        return []
+    return [Finding("note", ", ".join(tables), "", f"plain tables beside {form} files", "", "not read")]
+
+
+def _label(frame: pd.DataFrame, k: int) -> str:
+    """Return a name for a stream whose reader gave it none: by what it carries."""
+    if "conductivity" in frame:
+        return "CTD"
+    if "pitch" in frame:
+        return "attitude"
+    return "GPS" if "latitude" in frame else f"stream {k + 1}"
+
+
+def _source(streams: list[pd.DataFrame], name: str) -> dict[str, str]:
+    """Return file and column that `name` comes from, for messages."""
+    carriers = [frame for frame in streams if name in frame and frame[name].notna().any()]
+    best = max(
+        carriers, key=lambda frame: ("conductivity" in frame) if name == "pressure" else int(frame[name].count())
+    )
+    return {"file": str(best.attrs["name"]), "column": str(best.attrs.get("columns", {}).get(name, name))}

@@ -1,0 +1,114 @@
+"""Clocks: each instrument's times made strictly increasing, and every record that had to go counted."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pipeline.findings import Finding
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+EARLIEST = pd.Timestamp("1990-01-01", tz="UTC").timestamp()
+LATEST = pd.Timestamp("2100-01-01", tz="UTC").timestamp()
+
+
+def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return the records of one instrument with strictly increasing times, and what was wrong with the others.
+
+    Times are rounded to the microsecond. Records without a time, before 1990 or after 2100 are dropped; of records out
+    of order the fewest are dropped that leave the rest in order; records of one instant become one, each column its
+    first value.
+    """
+    time = frame["time"].to_numpy(dtype=np.float64)
+    findings: list[Finding] = []
+    absent = ~np.isfinite(time)
+    absurd = ~absent & ((time < EARLIEST) | (time >= LATEST))
+    kept = np.flatnonzero(~absent & ~absurd)
+    micro = np.round(time[kept] * 1e6).astype(np.int64)
+    steps = np.diff(micro)
+    backwards = np.zeros(0, dtype=np.int64)
+    if (steps < 0).any():
+        inside = longest_increase(micro)
+        backwards = kept[~inside]
+        kept, micro = kept[inside], micro[inside]
+        steps = np.diff(micro)
+    repeated = kept[1:][steps == 0]
+    for rows, what, expected in (
+        (np.flatnonzero(absent), "no time", "a time"),
+        (np.flatnonzero(absurd), "an absurd time", "a time from 1990 to 2100"),
+        (backwards, "a time that goes backwards", "times that increase"),
+        (repeated, "a time that repeats", "one record an instant"),
+    ):
+        if rows.size:
+            findings.append(_finding(name, int(rows[0]), rows.size, len(frame), time, what, expected))
+    if kept.size == len(frame) and not repeated.size:
+        result = frame.assign(time=micro * 1e-6)
+    else:
+        result = frame.iloc[kept].assign(time=micro * 1e-6)
+        if repeated.size:
+            result = _first_of_each(result, micro)
+        result = result.reset_index(drop=True)
+    result.attrs = frame.attrs
+    return result, findings
+
+
+def longest_increase(values: npt.NDArray[np.int64]) -> Mask:
+    """Return which of `values`, shape (n,), form a longest non-decreasing subsequence, as a mask of shape (n,).
+
+    Patience sorting (Fredman 1975, doi:10.1016/0012-365X(75)90103-X), O(n log n).
+    """
+    tails: list[int] = []
+    at: list[int] = []
+    before = np.full(values.size, -1, dtype=np.int64)
+    for i, value in enumerate(values.tolist()):
+        place = bisect_left(tails, value + 1)
+        if place == len(tails):
+            tails.append(value)
+            at.append(i)
+        else:
+            tails[place] = value
+            at[place] = i
+        before[i] = at[place - 1] if place else -1
+    mask = np.zeros(values.size, dtype=bool)
+    i = at[-1] if at else -1
+    while i >= 0:
+        mask[i] = True
+        i = int(before[i])
+    return mask
+
+
+def _first_of_each(frame: pd.DataFrame, micro: npt.NDArray[np.int64]) -> pd.DataFrame:
+    """Return one record per instant, NaN in its first record filled from the later ones of the same instant."""
+    new = np.r_[True, np.diff(micro) > 0]
+    group = np.cumsum(new) - 1
+    out = frame[new].copy()
+    twins = np.isin(group, group[~new])
+    filled = frame[twins].groupby(group[twins]).first()
+    rows = np.flatnonzero(np.isin(group[new], filled.index.to_numpy()))
+    for column in frame.columns:
+        values = out[column].to_numpy(copy=True)
+        values[rows] = filled[column].to_numpy()
+        out[column] = values
+    return out
+
+
+def _finding(name: str, row: int, count: int, total: int, time: Array, what: str, expected: str) -> Finding:
+    value = "" if not np.isfinite(time[row]) else f" ({_readable(float(time[row]))})"
+    return Finding(
+        "warning",
+        name,
+        f"record {row + 1}",
+        f"{what}{value}, and {count} of {total} records like it" if count > 1 else f"{what}{value}",
+        expected,
+        "merged into one record" if "repeats" in what else "left out",
+    )
+
+
+def _readable(time: float) -> str:
+    """Return a POSIX time as UTC text where the calendar has it, else as a number."""
+    return f"{pd.Timestamp(time, unit='s').isoformat()}Z" if EARLIEST <= time < LATEST else f"{time:g}"

@@ -1,0 +1,263 @@
+"""Quality: OG1 flags by general rules, one instrument at a time. Values are kept, only flagged.
+
+Ranges, spikes and stuck sensors follow the tests of Argo real-time quality control (Wong et al. 2023, Argo Quality
+Control Manual, doi:10.13155/33951), with limits for a glider's clock.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pipeline.findings import Finding, InputError
+from pipeline.records import MEASURED, Quality
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+NAMES = tuple(column.name for column in MEASURED)
+_UNITS = {column.name: column.unit for column in MEASURED}
+
+#: What a sensor on a glider can read at all, in the units of the records.
+RANGES: dict[str, tuple[float, float]] = {
+    "pressure": (-5.0, 11000.0),
+    "temperature": (-3.0, 45.0),
+    "conductivity": (0.0, 9.0),
+    "pitch": (-math.pi / 2, math.pi / 2),
+    "roll": (-math.pi, math.pi),
+    "heading": (-2 * math.pi, 4 * math.pi),
+    "buoyancy_volume": (-0.02, 0.02),
+    "battery_position": (-1.0, 1.0),
+    "battery_roll": (-2 * math.pi, 2 * math.pi),
+    "propeller_speed": (-100.0, 100.0),
+    "propeller_power": (-10.0, 2000.0),
+    "speed_through_water": (-1.0, 5.0),
+    "latitude": (-90.0, 90.0),
+    "longitude": (-360.0, 360.0),
+}
+
+_FASTEST = 3.0  # dbar/s, no glider dives or climbs faster
+_SPIKE = (3.0, 30.0)  # dbar, least and greatest departure from the running median that counts as one
+_WINDOW = 7  # samples of the running median
+_STUCK_SAMPLES, _STUCK_SECONDS, _STUCK_DBAR = 25, 120.0, 20.0
+_OFFSET = 0.5  # dbar at the surface worth a note
+
+
+def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding]]:
+    """Return `streams` with a flag ``<name>_qc`` beside every measurement, and what the flags say.
+
+    Flags that a reader has set stay where they are worse. The first rule that fails decides: missing, out of range,
+    spike, stuck; everything else is good.
+    """
+    findings: list[Finding] = []
+    reference = _reference(streams)
+    out = []
+    for frame in streams:
+        name = str(frame.attrs.get("name", "stream"))
+        flags: dict[str, npt.NDArray[np.int8]] = {}
+        for column in (column for column in NAMES if column in frame):
+            values = frame[column].to_numpy(dtype=np.float64)
+            time = frame["time"].to_numpy(dtype=np.float64)
+            missing = ~np.isfinite(values)
+            flag = np.where(missing, Quality.MISSING, Quality.GOOD).astype(np.int8)
+            if missing.all():
+                findings.append(
+                    Finding("warning", name, column, f"no number in {len(frame)} records", "measurements", "not used")
+                )
+            inside = within(values, column)
+            if column in ("latitude", "longitude") and {"latitude", "longitude"} <= set(frame.columns):
+                inside &= ~((frame["latitude"].to_numpy() == 0.0) & (frame["longitude"].to_numpy() == 0.0))
+            bad = {"values out of range": ~missing & ~inside}
+            usable = ~missing & inside
+            if column == "pressure":
+                bad["spikes"] = _at(usable, pressure_spikes(time[usable], values[usable]))
+            elif column == "temperature":
+                bad["spikes"] = _at(usable, temperature_spikes(values[usable]))
+            elif column == "pitch" and reference is not None:
+                bad["values of a stuck sensor"] = _at(usable, stuck(time[usable], values[usable], *reference))
+            for what, mask in bad.items():
+                if mask.any():
+                    flag[mask] = Quality.BAD
+                    findings.append(_flagged(name, column, what, mask, values))
+            flags[f"{column}_qc"] = _worse(flag, frame.get(f"{column}_qc"))
+        result = frame.assign(**flags)
+        result.attrs = frame.attrs
+        out.append(result)
+    return out, findings
+
+
+def within(values: Array, name: str) -> Mask:
+    """Return where `values`, shape (n,), lie in what a sensor of `name` can read; False for NaN."""
+    low, high = RANGES[name]
+    return np.asarray((values >= low) & (values <= high))
+
+
+def pressure_spikes(time: Array, pressure: Array) -> Mask:
+    """Return where `pressure` [dbar], shape (n,), jumps away from its neighbours faster than any glider and back.
+
+    A spike departs from the running median of seven samples by more than 3 dbar/s times the sampling interval, at
+    least 3 and at most 30 dbar.
+    """
+    if pressure.size < 3:
+        return np.zeros(pressure.size, dtype=bool)
+    from scipy.ndimage import median_filter
+
+    step = np.diff(time)
+    apart = np.minimum(np.r_[np.inf, step], np.r_[step, np.inf])
+    departure = np.abs(pressure - median_filter(pressure, _WINDOW, mode="nearest"))
+    usual = 10.0 * float(np.median(step))
+    return np.asarray((departure > np.clip(_FASTEST * apart, *_SPIKE)) & (apart <= max(usual, 60.0)))
+
+
+def temperature_spikes(temperature: Array) -> Mask:
+    """Return where `temperature` [°C], shape (n,), fails Argo's spike test: |V2 − (V1+V3)/2| − |(V3−V1)/2| > 6 °C."""
+    out = np.zeros(temperature.size, dtype=bool)
+    if temperature.size > 2:
+        before, here, after = temperature[:-2], temperature[1:-1], temperature[2:]
+        out[1:-1] = np.abs(here - (before + after) / 2) - np.abs((after - before) / 2) > 6.0
+    return out
+
+
+def stuck(time: Array, values: Array, pressure_time: Array, pressure: Array) -> Mask:
+    """Return where `values`, shape (n,), repeat to the last digit while the vehicle moves through the water column.
+
+    At least 25 equal samples over at least 2 minutes, during which pressure changes by 20 dbar or more.
+    """
+    out = np.zeros(values.size, dtype=bool)
+    if values.size < _STUCK_SAMPLES or pressure.size < 2:
+        return out
+    starts = np.r_[0, np.flatnonzero(np.diff(values) != 0) + 1]
+    ends = np.r_[starts[1:], values.size]
+    long = (ends - starts >= _STUCK_SAMPLES) & (time[ends - 1] - time[starts] >= _STUCK_SECONDS)
+    for start, end in zip(starts[long], ends[long], strict=True):
+        during = pressure[slice(*np.searchsorted(pressure_time, (time[start], time[end - 1])))]
+        if during.size > 1 and np.ptp(during) >= _STUCK_DBAR:
+            out[start:end] = True
+    return out
+
+
+def require(streams: list[pd.DataFrame], names: tuple[str, ...] = ("pressure", "pitch")) -> None:
+    """Check that each of `names` is measured somewhere.
+
+    Raises
+    ------
+    InputError
+        If one is missing, or is nothing but NaN or values out of range.
+    """
+    labels = [str(frame.attrs.get("name", "a stream")) for frame in streams]
+    for name in names:
+        carriers = [frame for frame in streams if name in frame]
+        if not carriers:
+            raise InputError(
+                "mission",
+                found=f"no {name} in {', '.join(labels) or 'any file'}",
+                expected=f"a {name} column",
+                remedy="name it under files: … in mission.yaml",
+            )
+        if any((frame[f"{name}_qc"] == Quality.GOOD).any() for frame in carriers):
+            continue
+        frame = carriers[0]
+        column = frame.attrs.get("columns", {}).get(name, name)
+        values = frame[name].to_numpy(dtype=np.float64)
+        finite = values[np.isfinite(values)]
+        if finite.size == 0:
+            raise InputError(
+                str(frame.attrs.get("name", "mission")),
+                f"column '{column}'",
+                found=f"no {name} in {len(frame)} records, only NaN",
+                expected=f"a {name} sensor that reports",
+                remedy="the mission cannot be analysed without it",
+            )
+        low, high = RANGES[name]
+        raise InputError(
+            str(frame.attrs.get("name", "mission")),
+            f"column '{column}'",
+            found=f"{name} from {finite.min():.4g} to {finite.max():.4g} {_UNITS[name]}",
+            expected=f"{low:.4g} to {high:.4g} {_UNITS[name]}",
+            remedy="correct its unit under files: in mission.yaml",
+        )
+
+
+def surface_offset(streams: list[pd.DataFrame]) -> list[Finding]:
+    """Return a note where pressure is not zero at the surface: at the GPS fixes, else where it is least."""
+    fixes = [
+        frame["time"][frame["latitude_qc"] == Quality.GOOD].to_numpy(dtype=np.float64)
+        for frame in streams
+        if "latitude_qc" in frame
+    ]
+    times = np.sort(np.concatenate(fixes)) if fixes else np.zeros(0)
+    findings = []
+    for frame in streams:
+        if "pressure" not in frame:
+            continue
+        good = (frame["pressure_qc"] == Quality.GOOD).to_numpy()
+        time, pressure = frame["time"].to_numpy(np.float64)[good], frame["pressure"].to_numpy(np.float64)[good]
+        if not time.size:
+            continue
+        near = np.zeros(time.size, dtype=bool)
+        if times.size:
+            after = np.clip(np.searchsorted(times, time), 1, times.size - 1) if times.size > 1 else 0
+            near = np.minimum(np.abs(time - times[after]), np.abs(time - times[np.maximum(after - 1, 0)])) < 30.0
+        offset, where = float(pressure.min()), "at its least"
+        if near.sum() >= 3 and float(np.percentile(pressure[near], 90)) < 5.0:
+            offset, where = float(np.median(pressure[near])), "at the GPS fixes"
+        if abs(offset) > _OFFSET and (offset < 0 or where == "at the GPS fixes"):
+            findings.append(
+                Finding(
+                    "note",
+                    str(frame.attrs.get("name", "stream")),
+                    "pressure",
+                    f"{offset:.2f} dbar {where}",
+                    "0 dbar at the surface",
+                    "not corrected: depth rates do not depend on it",
+                )
+            )
+    return findings
+
+
+def _reference(streams: list[pd.DataFrame]) -> tuple[Array, Array] | None:
+    """Return times and values of the stream with most pressures, NaN and values out of range left out."""
+    best: tuple[Array, Array] | None = None
+    for frame in streams:
+        if "pressure" in frame:
+            values = frame["pressure"].to_numpy(dtype=np.float64)
+            inside = within(values, "pressure")
+            if best is None or inside.sum() > best[0].size:
+                best = frame["time"].to_numpy(dtype=np.float64)[inside], values[inside]
+    return best
+
+
+def _at(where: Mask, found: Mask) -> Mask:
+    out = np.zeros(where.size, dtype=bool)
+    out[where] = found
+    return out
+
+
+def _worse(flag: npt.NDArray[np.int8], given: pd.Series | None) -> npt.NDArray[np.int8]:
+    """Return our own flags, or those of the reader where they are worse (missing stays missing)."""
+    if given is None:
+        return flag
+    theirs = given.to_numpy(dtype=np.int8)
+    ranked = (theirs >= Quality.GOOD) & (theirs <= Quality.BAD) & (flag != Quality.MISSING)
+    return np.where(ranked, np.maximum(flag, theirs), flag).astype(np.int8)
+
+
+def _flagged(name: str, column: str, what: str, mask: Mask, values: Array) -> Finding:
+    row = int(np.argmax(mask))
+    low, high = RANGES[column]
+    expected = {
+        "values out of range": f"{low:.4g} to {high:.4g} {_UNITS[column]}",
+        "spikes": "what a glider can do between two samples",
+        "values of a stuck sensor": "changes while depth changes",
+    }[what]
+    return Finding(
+        "warning",
+        name,
+        f"{column}, record {row + 1}",
+        f"{int(mask.sum())} {what}, first {values[row]:.6g} {_UNITS[column]}",
+        expected,
+        "flagged bad and not used",
+    )

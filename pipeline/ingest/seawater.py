@@ -1,0 +1,252 @@
+"""Sea water by TEOS-10: salinity, conservative temperature and in-situ density **at the pressure**, depth.
+
+All by gsw (McDougall & Barker 2011, ISBN 978-0-646-55621-5). Everything is computed on the CTD's own instants from
+temperature, conductivity and pressure of the same record. Outside the funnel of oceanographic validity density is NaN.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import gsw
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pipeline.findings import Finding, InputError
+from pipeline.mission import Mission
+from pipeline.records import Quality
+
+Array = npt.NDArray[np.float64]
+
+FALLBACK_LATITUDE = 45.0
+#: Water at its freezing point may be measured this much too cold, K.
+_FREEZING_MARGIN = 0.1
+
+_SEA_WATER = ("salinity", "absolute_salinity", "conservative_temperature", "density")
+
+
+class Position(NamedTuple):
+    """Where the water is, degrees; longitude NaN where it is not known."""
+
+    latitude: float
+    longitude: float
+
+
+def position(mission: Mission, streams: list[pd.DataFrame]) -> tuple[Position, list[Finding]]:
+    """Return the position of a mission: as mission.yaml says, else the median fix, else 45° N with a finding."""
+    latitude, longitude = mission.latitude, mission.longitude
+    for frame in streams:
+        if not {"latitude", "longitude"} <= set(frame.columns):
+            continue
+        lat, lon = frame["latitude"].to_numpy(np.float64), frame["longitude"].to_numpy(np.float64)
+        fixes = (np.abs(lat) <= 90.0) & (np.abs(lon) <= 360.0) & ((lat != 0.0) | (lon != 0.0))
+        if fixes.any():
+            latitude = float(np.median(lat[fixes])) if latitude is None else latitude
+            longitude = float(np.median(lon[fixes])) if longitude is None else longitude
+            break
+    findings = []
+    if latitude is None:
+        findings.append(
+            Finding(
+                "warning",
+                "mission.yaml",
+                "latitude",
+                "no latitude and no GPS fix",
+                "one of them",
+                f"{FALLBACK_LATITUDE:g}° taken: depth is wrong by up to 0.3 %",
+            )
+        )
+    return Position(FALLBACK_LATITUDE if latitude is None else latitude, np.nan if longitude is None else longitude), (
+        findings
+    )
+
+
+def depth(pressure: Array, latitude: float) -> Array:
+    """Return depth in m, positive down, shape (n,), of `pressure` in dbar at `latitude` in degrees."""
+    return np.asarray(-gsw.z_from_p(pressure, latitude), dtype=np.float64)
+
+
+def pressure(depth_m: Array, latitude: float) -> Array:
+    """Return pressure in dbar, shape (n,), of depth in m, positive down, at `latitude` in degrees."""
+    return np.asarray(gsw.p_from_z(-depth_m, latitude), dtype=np.float64)
+
+
+def sea_water(
+    conductivity: Array | None, temperature: Array, pressure_dbar: Array, place: Position, salinity: str
+) -> dict[str, Array]:
+    """Return salinity, absolute salinity, conservative temperature and in-situ density of CTD samples.
+
+    Parameters
+    ----------
+    conductivity
+        S/m, shape (n,); None for fresh water.
+    temperature
+        In-situ temperature, °C ITS-90, shape (n,).
+    pressure_dbar
+        Sea pressure, dbar, shape (n,).
+    place
+        Where; without a longitude the composition anomaly is taken as zero (reference salinity, error < 0.03 g/kg).
+    salinity
+        ``measured``, ``baltic`` (Feistel et al. 2010, doi:10.5194/os-6-3-2010) or ``fresh`` (0 g/kg).
+
+    Returns
+    -------
+    dict
+        ``salinity`` [PSS-78], ``absolute_salinity`` [g/kg], ``conservative_temperature`` [°C], ``density`` [kg/m³],
+        shape (n,); NaN where an input is, and density NaN outside the oceanographic funnel.
+    """
+    if conductivity is None or salinity == "fresh":
+        practical = np.where(np.isfinite(temperature), 0.0, np.nan)
+        absolute = practical.copy()
+    else:
+        practical = gsw.SP_from_C(conductivity * 10.0, temperature, pressure_dbar)
+        if salinity == "baltic":
+            absolute = gsw.SA_from_SP_Baltic(practical, place.longitude, place.latitude)
+        elif np.isfinite(place.longitude):
+            absolute = gsw.SA_from_SP(practical, pressure_dbar, place.longitude, place.latitude)
+        else:
+            absolute = gsw.SR_from_SP(practical)
+    conservative = gsw.CT_from_t(absolute, temperature, pressure_dbar)
+    inside = _in_funnel(absolute, conservative, pressure_dbar)
+    density = np.where(inside, gsw.rho(absolute, conservative, pressure_dbar), np.nan)
+    values = (practical, absolute, conservative, density)
+    return {name: np.asarray(value, dtype=np.float64) for name, value in zip(_SEA_WATER, values, strict=True)}
+
+
+def _in_funnel(absolute: Array, conservative: Array, pressure_dbar: Array) -> npt.NDArray[np.bool_]:
+    """Return where density is valid: the funnel of TEOS-10, and fresh water to 2 km as in deep lakes."""
+    with np.errstate(invalid="ignore"):
+        warmer = conservative + _FREEZING_MARGIN
+        funnel = np.nan_to_num(gsw.infunnel(absolute, warmer, np.maximum(pressure_dbar, 0.0))) > 0
+        lake = (absolute >= 0) & (absolute < 7.5) & (conservative > -1) & (conservative < 40) & (pressure_dbar < 2000)
+    return np.asarray(funnel | lake)
+
+
+def with_sea_water(mission: Mission, streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding]]:
+    """Return `streams` with the sea-water columns added to each that has a CTD, and the findings.
+
+    Values flagged bad or probably bad do not enter.
+
+    Raises
+    ------
+    InputError
+        If mission.yaml says ``salinity: baltic`` and the position is unknown or not in the Baltic.
+    """
+    place, findings = position(mission, streams)
+    out = []
+    for frame in streams:
+        fresh = mission.salinity == "fresh"
+        needed = ["temperature", "pressure"] if fresh else ["temperature", "conductivity", "pressure"]
+        if not set(needed) <= set(frame.columns):
+            out.append(frame)
+            continue
+        values = {name: good(frame, name) for name in needed}
+        if mission.salinity == "baltic":
+            _in_baltic(place)
+        water = sea_water(
+            values.get("conductivity"), values["temperature"], values["pressure"], place, mission.salinity
+        )
+        complete = np.logical_and.reduce([np.isfinite(values[name]) for name in needed])
+        lost = complete & ~np.isfinite(water["density"])
+        if lost.any():
+            row = int(np.argmax(lost))
+            sample = ", ".join(f"{name} {values[name][row]:.4g}" for name in needed)
+            findings.append(
+                Finding(
+                    "warning",
+                    str(frame.attrs.get("name", "ctd")),
+                    f"record {row + 1}",
+                    f"{int(lost.sum())} of {int(complete.sum())} samples that are no sea water, first {sample}",
+                    "values inside the oceanographic funnel of TEOS-10",
+                    "their density is left out",
+                )
+            )
+        joined = frame.assign(**water)
+        joined.attrs = frame.attrs
+        out.append(joined)
+    if not any("density" in frame and frame["density"].notna().any() for frame in out):
+        findings.append(
+            Finding(
+                "warning",
+                "mission",
+                "density",
+                "no record with temperature, "
+                + ("" if mission.salinity == "fresh" else "conductivity ")
+                + "and pressure",
+                "a CTD",
+                "there is no density",
+            )
+        )
+    return out, findings
+
+
+def pressure_and_conductivity(
+    mission: Mission, streams: list[pd.DataFrame]
+) -> tuple[list[pd.DataFrame], list[Finding]]:
+    """Return `streams` with depth turned into pressure and practical salinity into conductivity.
+
+    Where a stream carries pressure as well, its depth only serves as a check of the unit of pressure.
+
+    Raises
+    ------
+    InputError
+        If depth and pressure of one stream disagree by more than 10 %.
+    """
+    place, _ = position(mission, streams)
+    out, findings = [], []
+    for frame in streams:
+        changed = frame
+        name = str(frame.attrs.get("name", "table"))
+        if "depth" in frame and "pressure" in frame:
+            _compare(frame, place.latitude, name)
+        elif "depth" in frame:
+            changed = changed.assign(pressure=pressure(frame["depth"].to_numpy(np.float64), place.latitude))
+            findings.append(Finding("note", name, "depth", f"depth; turned into pressure at {place.latitude:.1f}°"))
+        if "salinity" in frame and "conductivity" not in frame and {"temperature", "pressure"} <= set(changed.columns):
+            arguments = [changed[key].to_numpy(np.float64) for key in ("salinity", "temperature", "pressure")]
+            changed = changed.assign(conductivity=gsw.C_from_SP(*arguments) / 10.0)
+            findings.append(Finding("note", name, "salinity", "practical salinity; turned into conductivity"))
+        changed = changed.drop(columns=["depth", "salinity"], errors="ignore")
+        changed.attrs = frame.attrs
+        out.append(changed)
+    return out, findings
+
+
+def good(frame: pd.DataFrame, name: str) -> Array:
+    """Return column `name`, shape (n,), NaN where it is flagged bad or probably bad."""
+    values = frame[name].to_numpy(dtype=np.float64, copy=True)
+    if f"{name}_qc" in frame:
+        flag = frame[f"{name}_qc"].to_numpy()
+        values[(flag == Quality.BAD) | (flag == Quality.PROBABLY_BAD)] = np.nan
+    return values
+
+
+def _compare(frame: pd.DataFrame, latitude: float, name: str) -> None:
+    expected = pressure(frame["depth"].to_numpy(np.float64), latitude)
+    found = frame["pressure"].to_numpy(np.float64)
+    deep = (expected > 2.0) & np.isfinite(found)
+    if deep.sum() < 5:
+        return
+    ratio = float(np.median(found[deep] / expected[deep]))
+    if abs(ratio - 1.0) > 0.1:
+        column = frame.attrs.get("columns", {}).get("pressure", "pressure")
+        raise InputError(
+            name,
+            f"column '{column}'",
+            found=f"a pressure {ratio:.3g} times what the depth in the same file means",
+            expected="1",
+            remedy="correct the unit of pressure or depth under files: in mission.yaml",
+        )
+
+
+def _in_baltic(place: Position) -> None:
+    if not np.isfinite(gsw.SA_from_SP_Baltic(7.0, place.longitude, place.latitude)):
+        where = f"{place.latitude:.2f}° N {place.longitude:.2f}° E" if np.isfinite(place.longitude) else "no position"
+        raise InputError(
+            "mission.yaml",
+            "salinity",
+            found=f"'baltic' and {where}",
+            expected="a position in the Baltic Sea",
+            remedy="give latitude and longitude, or salinity: measured",
+        )

@@ -1,0 +1,216 @@
+"""Text tables: separator, header, encoding and decimal mark found out, gzip seen through, broken lines counted."""
+
+from __future__ import annotations
+
+import gzip
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SNIFFED = 1 << 16
+_MISSING = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "n/a", "null", "NULL", "None", "none", "-", "--", "NaT"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is laid out.
+
+    Attributes
+    ----------
+    names
+        Header, one unique name a column ("" for a column without one becomes ``column N``).
+    units
+        Units in a second header line, "" where there are none.
+    separator
+        One character, or "" for any run of blanks.
+    skipped
+        Lines before the first record.
+    decimal
+        "." or ",".
+    encoding
+        ``utf-8`` or ``latin-1``.
+    first
+        Fields of the first record, empty if there is none.
+    """
+
+    names: list[str]
+    units: list[str]
+    separator: str
+    skipped: int
+    decimal: str
+    encoding: str
+    first: list[str]
+
+
+def sniff(path: Path) -> Layout | None:
+    """Return the layout of the text table `path`, None if it is not one (binary, empty, or without a header)."""
+    try:
+        with _open(path) as file:
+            raw: bytes = file.read(_SNIFFED)
+    except (OSError, EOFError):
+        return None
+    if not raw.strip() or b"\0" in raw:
+        return None
+    try:
+        text, encoding = raw.decode("utf-8-sig"), "utf-8"
+    except UnicodeDecodeError as error:
+        cut = error.start > len(raw) - 4
+        text = raw.decode("utf-8-sig" if cut else "latin-1", errors="ignore")
+        encoding = "utf-8" if cut else "latin-1"
+    lines = text.splitlines()
+    if len(raw) == _SNIFFED and len(lines) > 1:
+        lines.pop()
+    start = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
+    if start is None:
+        return None
+    header = lines[start]
+    separator = max(";,\t|", key=header.count)
+    if header.count(separator) == 0:
+        separator = ""
+    names = _fields(header, separator)
+    body = lines[start + 1 :]
+    if all(_is_number(name) for name in names) or (len(names) < 2 and separator == ""):
+        return None
+    units = [""] * len(names)
+    skipped = start + 1
+    if body and _is_unit_line(_fields(body[0], separator), len(names)):
+        units = _fields(body[0], separator)
+        skipped += 1
+        body = body[1:]
+    first = next((_fields(line, separator) for line in body if line.strip()), [])
+    decimal = "," if separator != "," and any(_is_number(f.replace(",", ".", 1)) and "," in f for f in first) else "."
+    return Layout(_unique(names), units, separator, skipped, decimal, encoding, first)
+
+
+def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+    """Return the named columns of the text table `path`, and what could not be read of them.
+
+    Parameters
+    ----------
+    path, layout
+        The file and its layout.
+    numeric
+        Columns returned as float64, NaN where a field is empty or no number.
+    textual
+        Columns returned as text.
+
+    Returns
+    -------
+    frame, trouble
+        The table, and one sentence part for each kind of trouble: lines with a wrong number of fields, fields that are
+        no numbers.
+    """
+    import pyarrow as pa
+
+    if layout.separator:
+        try:
+            return _read_arrow(path, layout, numeric, textual)
+        except (pa.ArrowInvalid, EOFError, OSError):
+            return _read_slowly(path, layout, numeric, textual)
+    return _read_slowly(path, layout, numeric, textual)
+
+
+def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    broken: list[int] = []
+
+    def skip(row: Any) -> str:
+        broken.append(row.number or 0)
+        return "skip"
+
+    table = csv.read_csv(
+        path,
+        read_options=csv.ReadOptions(
+            use_threads=False, column_names=layout.names, skip_rows=layout.skipped, encoding=layout.encoding
+        ),
+        parse_options=csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+        convert_options=csv.ConvertOptions(
+            column_types={**dict.fromkeys(numeric, pa.float64()), **dict.fromkeys(textual, pa.string())},
+            include_columns=[*textual, *numeric],
+            null_values=_MISSING,
+            strings_can_be_null=True,
+            decimal_point=layout.decimal,
+        ),
+    )
+    return table.to_pandas(), _broken(broken)
+
+
+def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+    """Read field by field as text: for blank-separated tables, truncated gzip and fields that are no numbers."""
+    import pandas as pd
+
+    broken: list[int] = []
+    rows: list[list[str]] = []
+    width = len(layout.names)
+    trouble: list[str] = []
+    with _open(path) as file:
+        try:
+            for number, raw in enumerate(file, 1):
+                line = raw.decode(layout.encoding, errors="replace").rstrip("\r\n")
+                if number <= layout.skipped or not line.strip():
+                    continue
+                fields = _fields(line, layout.separator)
+                if len(fields) == width:
+                    rows.append(fields)
+                else:
+                    broken.append(number)
+        except (EOFError, OSError) as error:
+            trouble.append(f"an end of the file before its time ({error})")
+    frame = pd.DataFrame(rows, columns=layout.names, dtype="object")[[*textual, *numeric]]
+    out: dict[str, Any] = {name: frame[name].where(~frame[name].isin(_MISSING)).astype("string") for name in textual}
+    for name in numeric:
+        fields_of = frame[name].str.replace(",", ".", n=1) if layout.decimal == "," else frame[name]
+        values = pd.to_numeric(fields_of, errors="coerce")
+        wrong = values.isna() & ~frame[name].str.strip().isin(_MISSING)
+        if wrong.any():
+            first = frame[name][wrong].iloc[0]
+            trouble.append(f"{int(wrong.sum())} fields of column '{name}' that are no numbers, first '{first}'")
+        out[name] = values.astype("float64")
+    return pd.DataFrame(out), [*_broken(broken), *trouble]
+
+
+def _broken(numbers: list[int]) -> list[str]:
+    if not numbers:
+        return []
+    return [f"{len(numbers)} lines with a wrong number of fields, first line {numbers[0]}"]
+
+
+def _open(path: Path) -> Any:
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    return gzip.open(path, "rb") if packed else path.open("rb")
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    if not separator:
+        return line.split()
+    return [field.strip().strip('"') for field in line.split(separator)]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unit_line(fields: list[str], width: int) -> bool:
+    """Return whether the line below the header holds units: as many fields, and no digit that begins one."""
+    filled = [field for field in fields if field]
+    if len(fields) != width or not filled or any(field in _MISSING for field in filled):
+        return False
+    return not any(field[0].isdigit() or _is_number(field) for field in filled)
+
+
+def _unique(names: list[str]) -> list[str]:
+    out: list[str] = []
+    for number, name in enumerate(names, 1):
+        name = name or f"column {number}"
+        out.append(name if name not in out else f"{name} #{number}")
+    return out

@@ -1,0 +1,234 @@
+"""Units of plain tables: from what people write in headers to SI, radians, dbar and °C."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.findings import InputError, nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of quantity: its name and, per unit, factor and offset to the canonical one (the first listed)."""
+
+    name: str
+    units: dict[str, tuple[float, float]]
+
+    @property
+    def canonical(self) -> str:
+        """The unit with factor 1 and offset 0 that the records use."""
+        return next(iter(self.units))
+
+
+_ANGLE = Dimension("angle", {"rad": (1.0, 0.0), "deg": (math.pi / 180.0, 0.0)})
+_LENGTH = Dimension(
+    "length", {"m": (1.0, 0.0), "cm": (0.01, 0.0), "mm": (0.001, 0.0), "in": (0.0254, 0.0), "ft": (0.3048, 0.0)}
+)
+_PRESSURE = Dimension(
+    "pressure",
+    {
+        "dbar": (1.0, 0.0),
+        "bar": (10.0, 0.0),
+        "mbar": (0.01, 0.0),
+        "pa": (1e-4, 0.0),
+        "hpa": (0.01, 0.0),
+        "kpa": (0.1, 0.0),
+        "mpa": (100.0, 0.0),
+        "psi": (0.6894757293168361, 0.0),
+    },
+)
+_TEMPERATURE = Dimension("temperature", {"degc": (1.0, 0.0), "k": (1.0, -273.15), "degf": (5.0 / 9.0, -160.0 / 9.0)})
+_CONDUCTIVITY = Dimension("conductivity", {"s/m": (1.0, 0.0), "ms/cm": (0.1, 0.0), "us/cm": (1e-4, 0.0)})
+_VOLUME = Dimension("volume", {"m3": (1.0, 0.0), "l": (1e-3, 0.0), "cm3": (1e-6, 0.0)})
+_ROTATION = Dimension("rotation", {"rev/s": (1.0, 0.0), "rpm": (1.0 / 60.0, 0.0), "rad/s": (0.5 / math.pi, 0.0)})
+_POWER = Dimension("power", {"w": (1.0, 0.0), "kw": (1000.0, 0.0)})
+_SPEED = Dimension("speed", {"m/s": (1.0, 0.0), "cm/s": (0.01, 0.0), "km/h": (1 / 3.6, 0.0), "kn": (1852 / 3600, 0.0)})
+#: ``ddmm``: degrees and decimal minutes run together, 5442.5 = 54° 42.5', as NMEA receivers write.
+_POSITION = Dimension("position", {"deg": (1.0, 0.0), "rad": (180.0 / math.pi, 0.0), "ddmm": (1.0, 0.0)})
+_SALINITY = Dimension("practical salinity", {"1": (1.0, 0.0)})
+
+#: What a plain table may hold besides time, and its kind. `depth` and `salinity` become pressure and conductivity.
+QUANTITIES: dict[str, Dimension] = {
+    "pressure": _PRESSURE,
+    "depth": _LENGTH,
+    "temperature": _TEMPERATURE,
+    "conductivity": _CONDUCTIVITY,
+    "salinity": _SALINITY,
+    "pitch": _ANGLE,
+    "roll": _ANGLE,
+    "heading": _ANGLE,
+    "buoyancy_volume": _VOLUME,
+    "battery_position": _LENGTH,
+    "battery_roll": _ANGLE,
+    "propeller_speed": _ROTATION,
+    "propeller_power": _POWER,
+    "speed_through_water": _SPEED,
+    "speed_through_water_std": _SPEED,
+    "latitude": _POSITION,
+    "longitude": _POSITION,
+}
+
+_SPELLINGS = {
+    "decibar": "dbar",
+    "decibars": "dbar",
+    "db": "dbar",
+    "bars": "bar",
+    "millibar": "mbar",
+    "pascal": "pa",
+    "metre": "m",
+    "meter": "m",
+    "metres": "m",
+    "meters": "m",
+    "inch": "in",
+    "inches": "in",
+    "feet": "ft",
+    "foot": "ft",
+    "c": "degc",
+    "°c": "degc",
+    "celsius": "degc",
+    "degreec": "degc",
+    "degreesc": "degc",
+    "degree_celsius": "degc",
+    "degrees_celsius": "degc",
+    "kelvin": "k",
+    "f": "degf",
+    "°f": "degf",
+    "fahrenheit": "degf",
+    "degree": "deg",
+    "degrees": "deg",
+    "°": "deg",
+    "decimal_degrees": "deg",
+    "degrees_north": "deg",
+    "degrees_east": "deg",
+    "degree_north": "deg",
+    "degree_east": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "s_m": "s/m",
+    "sm-1": "s/m",
+    "ms_cm": "ms/cm",
+    "mscm-1": "ms/cm",
+    "us_cm": "us/cm",
+    "uscm-1": "us/cm",
+    "litre": "l",
+    "liter": "l",
+    "litres": "l",
+    "liters": "l",
+    "cc": "cm3",
+    "ml": "cm3",
+    "rps": "rev/s",
+    "hz": "rev/s",
+    "1/s": "rev/s",
+    "rev_s": "rev/s",
+    "rev/min": "rpm",
+    "r/min": "rpm",
+    "rad_s": "rad/s",
+    "watt": "w",
+    "watts": "w",
+    "m_s": "m/s",
+    "ms-1": "m/s",
+    "cm_s": "cm/s",
+    "cms-1": "cm/s",
+    "knot": "kn",
+    "knots": "kn",
+    "kt": "kn",
+    "kts": "kn",
+    "nmea": "ddmm",
+    "ddmm.mmm": "ddmm",
+    "psu": "1",
+    "pss": "1",
+    "pss-78": "1",
+    "pss78": "1",
+}
+
+
+_PLAIN = str.maketrans("³µμ⁻¹º", "3uu-1°")
+
+
+def spelling(unit: str) -> str:
+    """Return `unit` as the tables of this module spell it: lower case, no blanks, no superscripts."""
+    plain = re.sub(r"[\s^*]", "", unit.strip().lower()).translate(_PLAIN)
+    return _SPELLINGS.get(plain, plain)
+
+
+def known(name: str, unit: str) -> bool:
+    """Return whether `unit` is a unit of the quantity `name`; a leading minus sign, for reversed signs, is allowed."""
+    return spelling(unit.removeprefix("-")) in QUANTITIES[name].units
+
+
+def convert(values: Array, name: str, unit: str, file: str, column: str) -> Array:
+    """Return `values`, shape (n,), of quantity `name` in the unit of the records.
+
+    A unit with a leading minus sign (``-deg``, ``-cm3``) reverses the sign: pitch nose down, ballast heavy.
+
+    Raises
+    ------
+    InputError
+        If `unit` is not a unit of that quantity; the nearest is named.
+    """
+    import numpy as np
+
+    dimension = QUANTITIES[name]
+    sign = -1.0 if unit.startswith("-") else 1.0
+    key = spelling(unit.removeprefix("-"))
+    if key not in dimension.units:
+        raise InputError(
+            file,
+            f"column '{column}'",
+            found=f"unit '{unit}' for {name}",
+            expected=f"a unit of {dimension.name}",
+            remedy=nearest(key, list(dimension.units)),
+        )
+    if key == "ddmm":
+        degrees = np.trunc(values / 100.0)
+        return np.asarray(sign * (degrees + (values - 100.0 * degrees) / 60.0))
+    factor, offset = dimension.units[key]
+    return np.asarray(sign * (values * factor + offset))
+
+
+def by_range(values: Array, name: str) -> str:
+    """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
+
+    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees; temperatures around 300 are kelvin; conductivity
+    above 8 is mS/cm and above 200 µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05
+    litres; battery positions beyond 2 are mm; propeller speeds beyond 60 are rpm; speeds beyond 5 are cm/s; positions
+    beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together. Else the unit of the records.
+    """
+    import numpy as np
+
+    size = np.abs(values[np.isfinite(values)])
+    if size.size == 0:
+        return QUANTITIES[name].canonical
+    top, middle = float(np.percentile(size, 99)), float(np.median(size))
+    match name:
+        case "pitch" | "roll" | "battery_roll":
+            return "deg" if top > 1.6 else "rad"
+        case "heading":
+            return "deg" if top > 6.4 else "rad"
+        case "temperature":
+            return "k" if middle > 200 else "degc"
+        case "conductivity":
+            return "us/cm" if middle > 200 else "ms/cm" if middle > 8 else "s/m"
+        case "buoyancy_volume":
+            return "cm3" if top > 5 else "l" if top > 0.05 else "m3"
+        case "battery_position":
+            return "mm" if top > 2 else "m"
+        case "propeller_speed":
+            return "rpm" if top > 60 else "rev/s"
+        case "speed_through_water" | "speed_through_water_std":
+            return "cm/s" if top > 5 else "m/s"
+        case "latitude":
+            return "ddmm" if middle > 90 else "deg"
+        case "longitude":
+            return "ddmm" if middle > 360 else "deg"
+        case _:
+            return QUANTITIES[name].canonical
