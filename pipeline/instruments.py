@@ -16,7 +16,7 @@ import pandas as pd
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.mission import FILE
+from pipeline.mission import FILE, Mission
 from pipeline.plan import Plan, Sea
 from pipeline.records import seconds
 from pipeline.store import write_text
@@ -207,6 +207,8 @@ def _mission(plan: Plan, seed: int) -> str:
     }
     if plan.water.fresh:
         content["salinity"] = "fresh"
+    if plan.minimum_block_s != Mission.model_fields["minimum_block_s"].default:
+        content["minimum_block_s"] = plan.minimum_block_s
     content["files"] = {
         "engine.csv": {
             "columns": {

@@ -113,6 +113,8 @@ class Plan:
         1-sigma of the heading's Gauss-Markov wander (60 s), degrees.
     ctd_s, attitude_s, engine_s, gps_s, gps_delay_s
         Sampling intervals, and the time from surfacing to the first fix, s.
+    minimum_block_s
+        Shortest steady flight worth comparing, s, for mission.yaml.
     noise
         Factor on all instrument noise, offsets and gaps; 0 for perfect instruments.
     step
@@ -152,6 +154,7 @@ class Plan:
     engine_s: float = 8.0
     gps_s: float = 10.0
     gps_delay_s: float = 30.0
+    minimum_block_s: float = 60.0
     noise: float = 1.0
     step: float = 0.1
     longest: float = 90_000.0

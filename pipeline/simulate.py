@@ -246,7 +246,7 @@ def _rig(plan: Plan, vehicle: Vehicle, injection: Injection) -> Rig:
 
 def _column(plan: Plan, injection: Injection) -> NDArray[np.float64]:
     """Return net buoyancy without engine [N] and density [kg/m³] every `SPACING` metres down, shape (n, 2)."""
-    deepest = max(stage.value for stage in plan.stages if stage.end in ("deeper", "shallower"))
+    deepest = max((stage.value for stage in plan.stages if stage.end in ("deeper", "shallower")), default=0.0)
     sea = Sea.of(plan, np.arange(0.0, deepest + MARGIN, SPACING))
     return np.column_stack([sea.net_buoyancy(plan) + injection.buoyancy_offset, sea.density])
 

@@ -61,7 +61,7 @@ def _gliding() -> Plan:
 
 #: Fixed-depth trial: held stretches end above the first and corrections below the second depth, m; propeller speed
 #: of the corrections, 1/min, at which the mean speed of a leg is that of its held stretches within 0.5 %.
-BAND = (7.6, 11.8)
+BAND = (7.0, 11.8)
 CORRECTION_RPM = 920.0
 
 
@@ -129,6 +129,7 @@ def _fixed_depth() -> Plan:
         engine_s=4.0,
         gps_s=5.0,
         gps_delay_s=20.0,
+        minimum_block_s=30.0,
     )
 
 

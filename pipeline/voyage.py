@@ -3,7 +3,8 @@
 The motion (V, γ, α, q; depth and place) is integrated by classical Runge-Kutta steps; the fast modes (period 0.9 to
 4.5 s, relaxation of α 0.17 to 0.8 s) are stable and resolved at 0.1 s. Orders, autopilot and motors act once a
 second, motors moving linearly between; vertical water velocity, current and heading wander are given at the same
-instants and linear between, so that a shorter step converges to the same motion.
+instants and linear between, so that a shorter step converges to the same motion. Afloat the vehicle drifts with the
+water, trims its nose down and swings to the next heading; it dives once heavy enough.
 """
 
 from __future__ import annotations
@@ -244,6 +245,6 @@ def fly(
                 _slopes(probe, last, body, polar, propeller, rig, column, k4)
                 y += step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
                 now[:] = last
-            if not math.isfinite(y[0]):
+            if not abs(y[1] + y[2]) < math.pi:  # tumbled for want of flow, or not a number
                 return out[: k + 1], False
     return out, False
