@@ -272,7 +272,7 @@ def _predict_trim(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> pd.DataFrame
 def _state(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> tuple[Steady, NDArray[Any]]:
     """Return the steady flight of each block and the reasons, the block's own before the trim's."""
     g, n, rho = inputs.net_buoyancy, inputs.propeller_speed, inputs.density
-    first = ""
+    first: str | NDArray[Any] = ""
     if trim == "pitch":
         state = trim_at_pitch(vehicle, g, inputs.pitch, propeller_speed=n, density=rho)
     elif trim == "fixed_alpha":
@@ -281,10 +281,10 @@ def _state(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> tuple[Steady, NDArr
     else:
         if math.isnan(vehicle["battery_mass"]):
             first = "the vehicle file gives no battery mass"
-        elif np.isnan(inputs.battery_position).all():
-            first = "no battery position is logged"
+        else:
+            first = np.where(np.isnan(inputs.battery_position), "no battery position is logged", "")
         state = trim_at_moment(vehicle, g, battery_position=inputs.battery_position, propeller_speed=n, density=rho)
-    reason = np.where(inputs.reason != "", inputs.reason, np.where(first != "", first, state.reason))
+    reason = np.where(inputs.reason != "", inputs.reason, np.where(np.asarray(first) != "", first, state.reason))
     return state, np.where(np.isnan(state.speed), reason, "")
 
 

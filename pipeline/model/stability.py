@@ -134,12 +134,8 @@ def stable_range(
     speed_lower = (np.maximum(t, 0.0) / (ratio * polar.parasite_drag)) ** power
 
     distinct, where = np.unique(parasite, return_inverse=True)
-    bounds = np.array(
-        [
-            thrust_bound(k, polar.induced_drag, polar.lift_at_zero, polar.lift_slope, sign)
-            for k in distinct.astype(float)
-        ]
-    )
+    found = [thrust_bound(float(k), polar.induced_drag, polar.lift_at_zero, polar.lift_slope, sign) for k in distinct]
+    bounds = np.array(found, dtype=np.float64).reshape(-1, 2)
     per_newton, angle = (bounds[where.reshape(v.shape), k] for k in (0, 1))
     bound = np.abs(g) * per_newton
     fastest = steady_state(vehicle, g, alpha, thrust=bound, density=density, signs=signs)

@@ -1,0 +1,78 @@
+"""Forces against the paper's numbers and against the laws written out by hand."""
+
+import numpy as np
+import pytest
+
+from pipeline.model.forces import NO_PROPELLER, drag, lift, net_buoyancy, propeller_of, thrust
+from pipeline.vehicle import Vehicle, load
+
+
+def test_petrel_drag_and_lift_are_those_of_section_4(petrel: Vehicle) -> None:
+    # K_De at α_e = -0.0025358 and T/V² make the printed K_D' = 3.6272 kg/m at V = 1.3694 m/s, T = 7 N.
+    alpha, speed = -0.0025358, 1.3694
+    assert drag(petrel.polar, speed, alpha) / speed**2 - 7.0 / speed**2 * np.cos(alpha) == pytest.approx(3.6272, 1e-4)
+    assert lift(petrel.polar, speed, alpha) == pytest.approx(351.357 * alpha * speed**2, rel=1e-12)
+
+
+def test_parasite_drag_with_exponent_goes_with_speed_to_the_three_halves() -> None:
+    polar = load("seaglider").polar
+    assert drag(polar, 0.4, 0.0) / drag(polar, 0.1, 0.0) == pytest.approx(4.0**1.5, rel=1e-12)
+
+
+def test_forces_at_rest_are_zero_with_and_without_exponent(petrel: Vehicle) -> None:
+    for polar in (petrel.polar, load("seaglider").polar):
+        assert drag(polar, 0.0, 0.1) == 0.0
+        assert lift(polar, 0.0, 0.1) == 0.0
+
+
+@pytest.mark.parametrize(("rpm", "speed", "force"), [(1391.0, 1.3694, 7.0), (1400.0, 1.3743, 7.1025)])
+def test_thrust_law_gives_the_paper_s_pairs_of_speed_and_thrust(
+    petrel: Vehicle, rpm: float, speed: float, force: float
+) -> None:
+    assert thrust(propeller_of(petrel), 1020.0, rpm / 60.0, speed) == pytest.approx(force, rel=1e-3)
+
+
+def test_thrust_vanishes_where_the_advance_ratio_says(petrel: Vehicle) -> None:
+    law = propeller_of(petrel)
+    turning = 20.0
+    speed = 0.6136 / 0.4091 * turning * 0.080
+    assert thrust(law, 1020.0, turning, speed) == pytest.approx(0.0, abs=1e-12)
+    assert thrust(law, 1020.0, turning, 1.01 * speed) < 0.0
+
+
+def test_a_still_propeller_and_a_missing_one_give_no_thrust(petrel: Vehicle) -> None:
+    assert thrust(propeller_of(petrel), 1020.0, 0.0, 1.0) == 0.0
+    assert propeller_of(load("slocum-g2")) == NO_PROPELLER
+    assert thrust(NO_PROPELLER, 1020.0, 20.0, 1.0) == 0.0
+
+
+def test_net_buoyancy_of_a_neutral_hull_is_that_of_its_engine() -> None:
+    force = net_buoyancy(
+        mass=70.0,
+        volume=70.0 / 1025.0,
+        buoyancy_volume=np.array([2e-4, 0.0, -2e-4, np.nan]),
+        density=1025.0,
+        pressure=0.0,
+        temperature=15.0,
+        compressibility=5e-10,
+        thermal_expansion=7e-5,
+        reference_temperature=15.0,
+    )
+    np.testing.assert_allclose(force, [9.81 * 1025.0 * 2e-4, 0.0, -9.81 * 1025.0 * 2e-4, np.nan], atol=1e-9)
+
+
+def test_net_buoyancy_loses_by_pressure_and_cold_what_the_hull_does() -> None:
+    # 1000 dbar = 1e7 Pa squeezes 0.5 %, 10 K less shrinks 0.07 %.
+    force = net_buoyancy(
+        mass=0.0,
+        volume=0.07,
+        buoyancy_volume=0.0,
+        density=1030.0,
+        pressure=1000.0,
+        temperature=5.0,
+        compressibility=5e-10,
+        thermal_expansion=7e-5,
+        reference_temperature=15.0,
+        gravity=10.0,
+    )
+    assert float(force) == pytest.approx(10.0 * 1030.0 * 0.07 * (1.0 - 0.005 - 0.0007), rel=1e-12)
