@@ -31,6 +31,7 @@ ENCODING = 5
 EARLIEST, LATEST = 631152000.0, 4102444800.0
 
 _NUMBERS = ("encoding_ver", "total_num_sensors", "sensors_per_cycle", "state_bytes_per_cycle")
+_LINE = re.compile(rb"s: +[TF] +\d+ +(-1|\d+) +[1248] +[!-~]+ +[!-~]")
 #: Bytes of the record with known values that follows the header, and where its float 123.456 stands.
 _KNOWN, _FLOAT = 17, slice(4, 8)
 
@@ -117,7 +118,7 @@ def content(path: Path) -> tuple[bytes, bool]:
     except Exception:  # lz4 raises several types that are not public
         whole = False
     if not blocks or not blocks[0].startswith(LABEL):
-        raise UnreadableError("a first block that is not LZ4", "compressed Slocum data")
+        raise UnreadableError("a first block that LZ4 cannot decode", "compressed Slocum data")
     return b"".join(blocks), whole
 
 
@@ -159,6 +160,9 @@ def header(data: bytes) -> dict[str, str]:
 
 def intact(data: bytes, start: int, sizes: Sequence[int]) -> tuple[int, int, str]:
     """Walk the records of `data` and return how many are intact, where they end, and what ended them.
+
+    The walk does not look for a good record behind a broken one: a value that is "as before" there may repeat one
+    that the broken record held.
 
     A record is the tag ``d``, two bits a sensor (2: a new value follows; 1: as before; 0: not updated), and the new
     values. The first record is where the walk begins, `start` plus the known record.
@@ -211,15 +215,22 @@ def read(path: Path, scratch: Path, wanted: Sequence[str]) -> Sensors:
     UnreadableError
         If nothing can be read from the file.
     """
+    from dbdreader import DbdError
+
     data, whole = content(path)
     tags = header(data)
     cache = f"{tags['sensor_list_crc'].lower()}.cac"
     if tags["sensor_list_factored"] == "1" and not (scratch / cache).exists():
         raise MissingCacheError(cache)
+    listed = (scratch / cache).read_bytes() if tags["sensor_list_factored"] == "1" else _behind(data, tags)
+    if not _is_list(listed, int(tags["total_num_sensors"])):
+        raise UnreadableError(f"a list of sensors {cache} that cannot be read", "a line a sensor", "copy it again")
     copy = scratch / "segment.dbd"
     try:
         copy.write_bytes(data)
         return _read(copy, data, whole, cache, wanted)
+    except DbdError as error:
+        raise UnreadableError(f"a file that dbdreader refuses ({' '.join(str(error).split())})") from error
     finally:
         copy.unlink(missing_ok=True)
 
@@ -227,10 +238,7 @@ def read(path: Path, scratch: Path, wanted: Sequence[str]) -> Sensors:
 def _read(copy: Path, data: bytes, whole: bool, cache: str, wanted: Sequence[str]) -> Sensors:
     import dbdreader
 
-    try:
-        file = dbdreader.DBD(str(copy), str(copy.parent))
-    except Exception as error:  # whatever a damaged list of sensors makes of int() and of split()
-        raise UnreadableError(f"a list of sensors in {cache} that cannot be read", remedy="copy it again") from error
+    file = dbdreader.DBD(str(copy), str(copy.parent))
     start, sizes = int(file.fp_binary_start), list(file.byteSizes)
     if len(sizes) != int(file.headerInfo["sensors_per_cycle"]) or not set(sizes) <= {1, 2, 4, 8}:
         raise UnreadableError(
@@ -257,6 +265,17 @@ def _read(copy: Path, data: bytes, whole: bool, cache: str, wanted: Sequence[str
     frame = pd.DataFrame({"time": instants, **{name: read_out[2 + i][1] for i, name in enumerate(names)}})
     possible = (instants > EARLIEST) & (instants < LATEST)
     return Sensors(frame[possible], good, damage, _place(end, data, damage), int((~possible).sum()))
+
+
+def _behind(data: bytes, tags: dict[str, str]) -> bytes:
+    """Return what follows the header."""
+    return data.split(b"\n", int(tags["num_ascii_tags"]))[-1]
+
+
+def _is_list(text: bytes, count: int) -> bool:
+    """Return whether `text` begins with `count` lines, each a sensor with its number, size, name and unit."""
+    lines = text.split(b"\n", count)[:count]
+    return len(lines) == count and all(_LINE.match(line) for line in lines)
 
 
 def _known(record: bytes) -> bool:
