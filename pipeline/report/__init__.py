@@ -1,1 +1,78 @@
-"""Stage 4: measured against theory."""
+"""Stage 4: measured against theory, as numbers for a script and a page that people read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.mission import Mission
+    from pipeline.vehicle import Vehicle
+
+__all__ = ["Inputs", "build", "index"]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the earlier stages hand over.
+
+    Attributes
+    ----------
+    mission, vehicle
+        As resolved: the vehicle with the mission's overrides.
+    records, estimates, blocks, predictions
+        The canonical tables of `pipeline.records`.
+    stored
+        The vehicle's own flight model solution, `records.STORED`, or None.
+    ingest, estimate
+        The reports of these stages, each with ``findings``.
+    provenance
+        ``stages``: inputs, configuration and software of each stage.
+    """
+
+    mission: Mission
+    vehicle: Vehicle
+    records: pd.DataFrame
+    estimates: pd.DataFrame
+    blocks: pd.DataFrame
+    predictions: pd.DataFrame
+    stored: pd.DataFrame | None
+    ingest: Mapping[str, Any]
+    estimate: Mapping[str, Any]
+    provenance: Mapping[str, Any]
+
+
+def build(inputs: Inputs) -> tuple[dict[str, Any], str]:
+    """Return the content of summary.json and the text of report.html.
+
+    The same inputs give the same bytes: nothing in them depends on when or where the report is made.
+    """
+    from pipeline.report import figures, page, timeline
+    from pipeline.report.summary import summarise
+
+    summary, comparison = summarise(inputs)
+    pictures = {
+        "answer": figures.answer(summary["parts"]),
+        "water": timeline.water_column(inputs.records),
+        "flight": timeline.flight(inputs.records, inputs.estimates, inputs.blocks, inputs.predictions, inputs.stored),
+        "curves": figures.curves(inputs.blocks, inputs.vehicle, page.gps_of(summary)),
+        "agreement": figures.agreement(comparison),
+        "fit": figures.fitted(summary["fit"]),
+    }
+    return summary, page.report(summary, pictures)
+
+
+def index(summaries: Sequence[Mapping[str, Any]]) -> str:
+    """Return the text of reports/index.html: one sortable table of the key numbers of every mission.
+
+    Parameters
+    ----------
+    summaries
+        The content of each summary.json; of a mission that failed, ``{"mission": name, "error": line}``.
+    """
+    from pipeline.report import page
+
+    return page.index(summaries)

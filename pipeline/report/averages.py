@@ -1,0 +1,136 @@
+"""Averages of comparisons: per direction, and even and odd in dive and climb.
+
+What the blocks have in common – coefficients, pitch bias, ballast, thrust – does not average out; the noise of the
+measured side does, as far as neighbouring blocks do not share the water's motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.report.compare import EFFECTS, SHARED, floats, water_of
+from pipeline.report.covariance import Noise, water
+
+Array = NDArray[np.float64]
+
+
+def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.DataFrame:
+    """Return the weighted mean of every comparison per direction and powered or not.
+
+    Weights are 1/u_val².
+
+    Returns
+    -------
+    DataFrame
+        One row per trim, quantity, direction and powered: ``blocks``, ``dives``, ``predicted``, ``measured``,
+        ``measured_std``, ``error``, ``u_val``, ``significance``, ``relative_error``, ``label``, ``why``.
+    """
+    rows: list[dict[str, Any]] = []
+    for _key, group in table.groupby(["trim", "quantity", "direction", "powered"], sort=True):
+        weights = 1.0 / np.maximum(floats(group, "u_val"), 1e-12) ** 2
+        row = combine(group, weights / weights.sum(), settings)
+        rows.append(
+            {
+                **_key_of(group, "trim", "quantity", "direction", "powered"),
+                "blocks": len(group),
+                "dives": int(group["dive"].nunique()),
+                **row,
+                "label": group["label"].iloc[0],
+                "why": group["why"].iloc[0],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.DataFrame:
+    """Return the even and odd part of the error in dive and climb pairs.
+
+    Of a dive and its climb flown alike, (E_dive + E_climb)/2 holds what drag and lift do and half the difference
+    holds ballast, pitch bias and moving water (`estimation.md` calls them even and odd in dive/climb).
+
+    Returns
+    -------
+    DataFrame
+        One row per trim, quantity and powered: ``dives``, ``even``, ``even_u``, ``odd``, ``odd_u``.
+    """
+    rows: list[dict[str, Any]] = []
+    for _key, group in table[table["direction"] != 0].groupby(["trim", "quantity", "powered"], sort=True):
+        sides = group.groupby("dive")["direction"].nunique()
+        paired = group[group["dive"].isin(sides.index[sides == 2])]
+        if paired.empty:
+            continue
+        count = paired.groupby(["dive", "direction"])["error"].transform("size").to_numpy(dtype=np.float64)
+        dives = int(paired["dive"].nunique())
+        weights = 0.5 / (count * dives)
+        sign = np.where(paired["direction"].to_numpy() < 0, 1.0, -1.0)
+        even, odd = combine(paired, weights, settings), combine(paired, weights * sign, settings)
+        rows.append(
+            {
+                **_key_of(paired, "trim", "quantity", "powered"),
+                "dives": dives,
+                "even": even["error"],
+                "even_u": even["u_val"],
+                "odd": odd["error"],
+                "odd_u": odd["u_val"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def combine(group: pd.DataFrame, weights: Array, settings: Mapping[str, Any] | None = None) -> dict[str, float]:
+    """Return the weighted sum of comparisons of one kind, with its uncertainty.
+
+    Parameters
+    ----------
+    group
+        Rows of `compare` of one trim and quantity.
+    weights
+        Shape (n,).
+    settings
+        The estimator's ``sigma_w`` and ``tau_w``.
+    """
+    order = np.argsort(floats(group, "start_s"), kind="stable")
+    group, w = group.iloc[order], weights[order]
+    sigma, tau = water_of(settings)
+    noise = _correlated(group, sigma, tau)
+    random = noise.variance(w)
+    systematic = measured_systematic = 0.0
+    for name in EFFECTS:
+        theory = floats(group, f"predicted_{name}")
+        measured = floats(group, f"measured_{name}") if name in SHARED else np.zeros_like(theory)
+        systematic += float(np.sum(w * (theory - measured))) ** 2
+        measured_systematic += float(np.sum(w * measured)) ** 2
+    systematic += float(np.sum(np.abs(w) * floats(group, "own_input"))) ** 2
+    error = float(np.sum(w * floats(group, "error")))
+    measured_mean = float(np.sum(w * floats(group, "measured")))
+    total = math.sqrt(random + systematic)
+    return {
+        "predicted": float(np.sum(w * floats(group, "predicted"))),
+        "measured": measured_mean,
+        "measured_std": math.sqrt(random + measured_systematic),
+        "error": error,
+        "u_val": total,
+        "significance": abs(error) / total if total > 0 else math.nan,
+        "relative_error": error / abs(measured_mean) if measured_mean else math.nan,
+    }
+
+
+def _correlated(group: pd.DataFrame, sigma: float, tau: float) -> Noise:
+    """Return the covariance of the measured side's own noise, neighbouring blocks sharing the water's motion."""
+    own, sign = floats(group, "own_measured"), floats(group, "water_sign")
+    start, end = floats(group, "start_s"), floats(group, "end_s")
+    if sigma <= 0 or not sign.any():
+        return Noise(own[np.newaxis, :] ** 2)
+    shared = water(start, end, sigma, tau)
+    unit = shared.scaled(1.0 / np.sqrt(shared.band[0]))
+    return unit.scaled(own * sign)
+
+
+def _key_of(group: pd.DataFrame, *names: str) -> dict[str, Any]:
+    return {name: group[name].iloc[0] for name in names}

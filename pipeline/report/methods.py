@@ -1,0 +1,106 @@
+"""The methods paragraph, generated from what was run: what was borrowed, how it was done, whose work it rests on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.report import Inputs
+
+CITATIONS = [
+    "ASME V&V 20-2009. Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer.",
+    "Belsley, D. A., Kuh, E., Welsch, R. E. (1980). Regression Diagnostics. doi:10.1002/0471725153",
+    "Eriksen, C. C. et al. (2001). Seaglider: a long-range autonomous underwater vehicle for oceanographic research. "
+    "IEEE J. Ocean. Eng. 26(4), 424–436. doi:10.1109/48.972073",
+    "McDougall, T. J., Barker, P. M. (2011). Getting started with TEOS-10 and the Gibbs Seawater (GSW) Oceanographic "
+    "Toolbox. SCOR/IAPSO WG127.",
+    "Merckelbach, L., Smeed, D., Griffiths, G. (2010). Vertical water velocities from underwater gliders. J. Atmos. "
+    "Oceanic Technol. 27, 547–563. doi:10.1175/2009JTECHO710.1",
+    "Niu, W.-D., Wang, S.-X., Wang, Y.-H., Song, Y., Zhu, Y.-Q. (2017). Stability analysis of hybrid-driven underwater "
+    "glider. China Ocean Eng. 31(5), 528–538. doi:10.1007/s13344-017-0061-y",
+    "Rauch, H. E., Tung, F., Striebel, C. T. (1965). Maximum likelihood estimates of linear dynamic systems. AIAA J. "
+    "3(8), 1445–1450. doi:10.2514/3.3166",
+]
+
+
+def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
+    """Return, one sentence each, what the measured side and the theory took that was not measured here."""
+    mission, vehicle = inputs.mission, inputs.vehicle
+    out = [
+        f"The measured speed and angle of attack of unpowered flight borrow the ratio of lift to drag of "
+        f"'{vehicle.name}' – no scale of the coefficients, no buoyancy and no thrust.",
+        "Under propeller nothing is borrowed for the speed: it is given only where "
+        + ("GPS displacements or a speed sensor" if gps or sensor_used else "something other than depth")
+        + " determines it.",
+        "Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
+        "volume, engine volume and the measured density.",
+    ]
+    correction = mission.pitch
+    if correction.scale != 1.0 or correction.offset_rad != 0.0:
+        out.append(
+            f"Pitch was corrected as mission.yaml says: {correction.scale:g} × logged "
+            f"{math.degrees(correction.offset_rad):+.2f}°."
+        )
+    out.append(f"The pitch bias that remains is taken as 0 ± {correction.std_deg:g}°.")
+    if mission.ballast.mass or mission.ballast.volume or mission.ballast.neutral_density:
+        out.append(f"Ballast is taken from mission.yaml, ± {mission.ballast.std:g} N.")
+    if mission.coefficients:
+        changed = ", ".join(f"{name} = {value:g}" for name, value in sorted(mission.coefficients.items()))
+        out.append(f"mission.yaml overrides coefficients of the vehicle file: {changed}.")
+    if sensor_used:
+        out.append("The speed sensor was used by the estimator; it is no longer an independent check of it.")
+    return out
+
+
+def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_used: bool) -> str:
+    """Return the methods in a form that can be pasted into a paper."""
+    settings: Mapping[str, Any] = inputs.estimate.get("settings") or {}
+    mission = inputs.mission
+    water = ""
+    if _number(settings.get("sigma_w")) and _number(settings.get("tau_w")):
+        water = (
+            f" The vertical velocity of the water was a Gauss–Markov process with a standard deviation of "
+            f"{100 * settings['sigma_w']:.2f} cm/s and a correlation time of {settings['tau_w']:.0f} s, both found by "
+            f"the likelihood of the innovations."
+        )
+    text = (
+        f"Logs of mission {mission.slug} ({inputs.ingest.get('format', 'plain')} format) were analysed with seatrial"
+        f"{_version(inputs)}. In-situ density follows from TEOS-10 (McDougall and Barker, 2011) at the measured "
+        f"pressure; no measurement was interpolated. Speed through water and angle of attack were estimated by a "
+        f"Kalman filter and smoother (Rauch et al., 1965) on each instrument's own clock from depth and pitch, closed "
+        f"by the lift/drag ratio of the vehicle in unpowered steady flight (Merckelbach et al., 2010).{water}"
+    )
+    if gps:
+        text += " In level flight under propeller the speed came from GPS fixes at the ends of submerged legs."
+    if sensor_used:
+        text += " The speed sensor entered the estimate."
+    text += (
+        f" Steady flight was cut into blocks of {mission.block_s:g} s (at least {mission.minimum_block_s:g} s). Steady "
+        f"states were computed from Niu et al. (2017), with the errata of their equations corrected, for the vehicle "
+        f"'{inputs.vehicle.name}' with the measured pitch held, in moment balance, and at the angle of attack "
+        f"−K_M0/K_M. Differences E between theory and measurement are given with the validation uncertainty u_val of "
+        f"ASME V&V 20-2009, the covariance from shared coefficients subtracted."
+    )
+    if fitted["reason"]:
+        text += f" No correction was fitted: {fitted['reason']}."
+    else:
+        names = " and ".join(item["symbol"] for item in fitted["parameters"])
+        text += (
+            f" {names} were fitted to the mean depth rates of {fitted['blocks']} blocks by generalised least squares "
+            f"with the covariance of measurement and moving water; collinearity was judged after Belsley et al. (1980)."
+        )
+    return text
+
+
+def _version(inputs: Inputs) -> str:
+    for stage in (inputs.provenance.get("stages") or {}).values():
+        version = (stage.get("software") or {}).get("seatrial")
+        if version:
+            return f" {version}"
+    return ""
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -1,0 +1,159 @@
+"""The pages that people read: self-contained HTML, rendered from summary.json and the figures alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from pipeline.report.drawing import Picture
+
+TEMPLATES = Path(__file__).parent / "templates"
+#: Rows of a table of blocks on the page; all of them are in summary.json.
+MOST_ROWS = 200
+MISSING = "–"
+
+#: Why a figure is not there.
+NO_FIGURE = {
+    "answer": "no part of the mission has a known net buoyancy and pitch",
+    "water": "no depth was measured",
+    "flight": "there are no records to draw",
+    "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
+    "agreement": "no block has both a measured and a predicted speed",
+    "fit": "no correction was fitted",
+}
+
+
+def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -> str:
+    """Return the text of report.html.
+
+    Parameters
+    ----------
+    summary
+        The content of summary.json.
+    pictures
+        Figures by name; None where there is nothing to draw.
+    """
+    return _environment().get_template("report.html").render(
+        summary=summary,
+        pictures=pictures,
+        no_figure=NO_FIGURE,
+        block_rows=_block_rows(summary["comparison"]["blocks"]),
+        block_count=_block_count(summary["comparison"]["blocks"]),
+        most_rows=MOST_ROWS,
+    )  # fmt: skip
+
+
+def index(summaries: Sequence[Mapping[str, Any]]) -> str:
+    """Return the text of index.html."""
+    done = [row for row in summaries if "error" not in row]
+    failed = [row for row in summaries if "error" in row]
+    return _environment().get_template("index.html").render(
+        rows=[_index_row(row) for row in done], failed=failed, count=len(summaries)
+    )  # fmt: skip
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    environment.filters |= {"number": number, "spread": spread, "svg": svg}
+    return environment
+
+
+def number(value: Any, digits: int = 3, *, sign: bool = False) -> str:
+    """Return a number with so many decimals, a true minus sign, and a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return MISSING
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:{'+' if sign else ''}.{digits}f}"
+    return text.replace("-", "−")
+
+
+def spread(value: Any, std: Any, digits: int = 3, *, sign: bool = False) -> str:
+    """Return value ± 1-sigma with so many decimals."""
+    text = number(value, digits, sign=sign)
+    deviation = number(std, digits)
+    return text if MISSING in (text, deviation) else f"{text} ± {deviation}"
+
+
+def svg(picture: Picture) -> Markup:
+    """Return a figure's drawing with its alternative text, to stand inside the page."""
+    label = Markup.escape(picture.alt)
+    return Markup(picture.svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
+
+
+def gps_of(summary: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the speed of level powered flight by GPS, m/s, as a part of the mission has it."""
+    for part in summary["parts"]:
+        if part["measured_blocks"] == [-1]:
+            return part["measured_speed_m_s"], part["measured_speed_std_m_s"]
+    return None
+
+
+def _block_count(columns: Mapping[str, Any]) -> int:
+    return len(_chosen(columns))
+
+
+def _chosen(columns: Mapping[str, Any]) -> list[int]:
+    """Return the rows of comparisons with the pitch held, path angles left out."""
+    return [
+        i
+        for i, (trim, quantity) in enumerate(zip(columns["trim"], columns["quantity"], strict=True))
+        if trim == "pitch" and quantity != "path_angle"
+    ]
+
+
+def _block_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the first comparisons, one row each, speeds in cm/s."""
+    rows = []
+    for i in sorted(_chosen(columns), key=lambda i: (columns["block"][i], columns["quantity"][i]))[:MOST_ROWS]:
+        row = {name: columns[name][i] for name in ("block", "dive", "direction", "quantity", "label")}
+        scaled = {name: 100.0 * columns[name][i] for name in ("predicted", "measured", "error", "u_val")}
+        rows.append(row | scaled)
+    return rows
+
+
+def _index_row(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the key numbers of one mission."""
+    parts = [part for part in summary["parts"] if _known(part["measured_speed_m_s"])]
+    lead: Mapping[str, Any] = max(parts, key=lambda part: part["propeller_speed_rpm"], default={})
+    fitted = {item["name"]: item for item in summary["fit"]["parameters"]}
+    drag, ballast = fitted.get("parasite_drag", {}), fitted.get("net_buoyancy", {})
+    grave = [row for row in summary["findings"] if row.get("severity") in ("error", "warning")]
+    return {
+        "mission": summary["mission"],
+        "vehicle": summary["vehicle"]["name"],
+        "start": summary["data"]["start"][:10],
+        "hours": summary["data"]["duration_h"],
+        "dives": summary["data"]["dives"],
+        "blocks": summary["blocks"]["used"],
+        "observable": summary["observability"]["observable_percent"],
+        "part": lead.get("name", ""),
+        "measured": lead.get("measured_speed_m_s"),
+        "measured_std": lead.get("measured_speed_std_m_s"),
+        "held": lead.get("held_speed_m_s"),
+        "error": _hundred(lead.get("error_m_s")),
+        "u_val": _hundred(lead.get("u_val_m_s")),
+        "significance": lead.get("significance"),
+        "drag": drag.get("percent"),
+        "drag_std": drag.get("percent_std"),
+        "ballast": ballast.get("value"),
+        "ballast_std": ballast.get("std"),
+        "findings": len(grave),
+        "sentence": summary["answer"]["sentence"],
+    }
+
+
+def _known(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _hundred(value: Any) -> float:
+    return 100.0 * value if _known(value) else math.nan

@@ -1,0 +1,212 @@
+"""Figures against time: the water column as in Figs. 11 and 12 of the paper, flight as in Figs. 13 and 14."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cmocean
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from pipeline.records import seconds, usable
+from pipeline.report.compare import floats
+from pipeline.report.drawing import (
+    HELD,
+    MEASURED,
+    SENSOR,
+    STORED,
+    WIDTH,
+    Picture,
+    canvas,
+    clock,
+    envelope,
+    message,
+    render,
+    scale,
+    shade,
+    since,
+    spans,
+    style,
+    thin,
+    with_gaps,
+)
+
+#: Dives shown in the figure of flight, from the middle of the mission.
+SHOWN_DIVES = 3
+#: Coloured points of depth against time at most.
+POINTS = 20_000
+#: A gap in a record longer than this breaks its line, s.
+GAP = 120.0
+
+
+def water_column(records: pd.DataFrame) -> Picture | None:
+    """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth."""
+    depth = floats(records, "depth")
+    known = np.isfinite(depth) & usable(records, "pressure")
+    if not known.any():
+        return None
+    time = seconds(records["time"])
+    start = float(time[known][0])
+    temperature = np.where(usable(records, "temperature"), floats(records, "temperature"), np.nan)
+    warm = known & np.isfinite(temperature)
+    with style():
+        figure = canvas(WIDTH, 4.6 if warm.any() else 2.8)
+        hours, unit = clock(time, start)
+        if warm.any():
+            upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+            step = max(1, int(np.ceil(warm.sum() / POINTS)))
+            points = upper.scatter(
+                hours[warm][::step], depth[warm][::step], c=temperature[warm][::step], s=2.0,
+                cmap=cmocean.cm.thermal, rasterized=True, linewidths=0,
+            )  # fmt: skip
+            figure.colorbar(points, ax=[upper, lower], label="temperature, °C", aspect=30, pad=0.01)
+            lower.plot(*thin(*with_gaps(hours[warm], temperature[warm], _gap(unit))), color=MEASURED, linewidth=0.8)
+            lower.set_ylabel("temperature, °C")
+        else:
+            upper = lower = figure.subplots()
+            upper.plot(*thin(*with_gaps(hours[known], depth[known], _gap(unit))), color=MEASURED)
+        upper.invert_yaxis()
+        upper.set_ylabel("depth, m")
+        lower.set_xlabel(since(start, unit))
+        lower.margins(x=0.01)
+        svg = render(figure, "water")
+    deepest = float(np.max(depth[known]))
+    words = f"Depth against time, down to {deepest:.0f} m"
+    if warm.any():
+        low, high = np.min(temperature[warm]), np.max(temperature[warm])
+        words += f", coloured by temperature from {low:.1f} to {high:.1f} °C"
+    return Picture(
+        "water", svg, words + ".", "Measured depth against time, coloured by measured temperature; below, temperature."
+    )
+
+
+def window(records: pd.DataFrame) -> tuple[float, float, str]:
+    """Return the stretch of time that the figure of flight shows, POSIX s, and what it is in words."""
+    time = seconds(records["time"])
+    dive = records["dive"].to_numpy()
+    dives = np.unique(dive[dive > 0])
+    if dives.size <= SHOWN_DIVES:
+        return float(time[0]), float(time[-1]), "the whole mission"
+    first = (dives.size - SHOWN_DIVES) // 2
+    chosen = dives[first : first + SHOWN_DIVES]
+    inside = time[np.isin(dive, chosen)]
+    return float(inside[0]), float(inside[-1]), f"dives {chosen[0]} to {chosen[-1]} of {dives.size}"
+
+
+def flight(
+    records: pd.DataFrame,
+    estimates: pd.DataFrame,
+    blocks: pd.DataFrame,
+    predictions: pd.DataFrame,
+    stored: pd.DataFrame | None,
+) -> Picture | None:
+    """Return depth, pitch, speed and engines against time, as Figs. 13 and 14 of the paper; None without records."""
+    if records.empty or estimates.empty:
+        return None
+    begin, end, shown = window(records)
+    part, guess = _between(records, begin, end), _between(estimates, begin, end)
+    time, t_guess = seconds(part["time"]), seconds(guess["time"])
+    hours, unit = clock(time, begin)
+    panels = ["depth", "pitch", "speed"]
+    if np.isfinite(floats(part, "buoyancy_volume")).any():
+        panels.append("engine")
+    if (np.nan_to_num(floats(part, "propeller_speed")) > 0).any():
+        panels.append("propeller")
+    with style():
+        figure = canvas(WIDTH, 1.0 + 1.45 * len(panels) + 0.6)
+        axes = dict(zip(panels, figure.subplots(len(panels), sharex=True, height_ratios=_heights(panels)), strict=True))
+        for name, column, factor, label in (
+            ("depth", "depth", 1.0, "depth, m"),
+            ("pitch", "pitch", 180.0 / np.pi, "pitch, °"),
+            ("engine", "buoyancy_volume", 1e6, "engine, cm³"),
+            ("propeller", "propeller_speed", 60.0, "propeller, rpm"),
+        ):
+            if name in axes:
+                values = np.where(
+                    usable(part, "pressure" if column == "depth" else column), floats(part, column), np.nan
+                )
+                look: dict[str, Any] = {"drawstyle": "steps-post"} if name in ("engine", "propeller") else {}
+                axes[name].plot(
+                    *thin(*with_gaps(hours, factor * values, _gap(unit))), color=MEASURED, linewidth=1.0, **look
+                )
+                axes[name].set_ylabel(label)
+        axes["depth"].invert_yaxis()
+        _speed_panel(axes["speed"], guess, part, blocks, predictions, stored, (begin, end), unit)
+        lost = ~guess["observable"].to_numpy(dtype=bool)
+        stretches = spans(clock(t_guess, begin)[0], lost, least=scale(unit) * 10.0)
+        shade(axes["speed"], stretches[:500], "speed not observable")
+        axes["speed"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, borderaxespad=0.2)
+        axes[panels[-1]].set_xlabel(since(begin, unit))
+        axes[panels[-1]].margins(x=0.01)
+        figure.align_ylabels(list(axes.values()))
+        svg = render(figure, "flight")
+    share = float(lost.mean()) if lost.size else 0.0
+    words = {"engine": "buoyancy engine", "propeller": "propeller speed"}
+    return Picture(
+        "flight",
+        svg,
+        f"{', '.join(words.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
+        f"observable in {100 * share:.0f} % of the samples.",
+        f"Measured (blue) against time for {shown}: depth, pitch and engines as logged, speed by the kinematic "
+        "estimate with its 2σ band. Orange: theory of each steady block with the measured pitch held. Hatched: the "
+        "data do not determine the speed there, so none is given.",
+    )
+
+
+def _heights(panels: Sequence[str]) -> list[float]:
+    return [2.2 if panel == "speed" else 1.3 if panel in ("depth", "pitch") else 0.8 for panel in panels]
+
+
+def _speed_panel(
+    axes: Axes,
+    estimates: pd.DataFrame,
+    records: pd.DataFrame,
+    blocks: pd.DataFrame,
+    predictions: pd.DataFrame,
+    stored: pd.DataFrame | None,
+    bounds: tuple[float, float],
+    unit: str,
+) -> None:
+    begin, end = bounds
+    hours, _unit = clock(seconds(estimates["time"]), begin, unit)
+    speed, std = floats(estimates, "speed"), floats(estimates, "speed_std")
+    sensed = np.where(usable(records, "speed_through_water"), floats(records, "speed_through_water"), np.nan)
+    tops = [np.nanpercentile(values, 99) for values in (speed, sensed) if np.isfinite(values).any()]
+    if np.isfinite(sensed).any():
+        own_clock = clock(seconds(records["time"]), begin, unit)[0]
+        good = np.isfinite(sensed)
+        step = max(1, int(good.sum() / POINTS * 4))
+        axes.plot(own_clock[good][::step], sensed[good][::step], ".", markersize=2.5, color=SENSOR, label="sensor",
+                  rasterized=True)  # fmt: skip
+    if stored is not None:
+        own = _between(stored, begin, end)
+        own_clock = clock(seconds(own["time"]), begin, unit)[0]
+        axes.plot(*thin(*with_gaps(own_clock, floats(own, "speed"), 2.0 * _gap(unit))), color=STORED, linewidth=0.9,
+                  label="stored model")  # fmt: skip
+    if np.isfinite(speed).any():
+        axes.fill_between(*envelope(hours, speed - 2 * std, speed + 2 * std), color=MEASURED, alpha=0.22, linewidth=0,
+                          label="2σ")  # fmt: skip
+        axes.plot(*thin(hours, speed), color=MEASURED, linewidth=1.0, label="measured")
+    else:
+        reasons = estimates.loc[~estimates["observable"].to_numpy(dtype=bool), "reason"]
+        message(axes, f"speed not observable: {reasons.mode().iloc[0] if len(reasons) else 'no estimate'}")
+    held = predictions[(predictions["trim"] == "pitch") & np.isfinite(floats(predictions, "speed"))]
+    held = held[["block", "speed"]].merge(blocks[["block", "start", "end"]], on="block")
+    held = held[(seconds(held["end"]) > begin) & (seconds(held["start"]) < end)]
+    if len(held):
+        left, right = (clock(seconds(held[name]), begin, unit)[0] for name in ("start", "end"))
+        axes.hlines(floats(held, "speed"), left, right, color=HELD, linewidth=2.2, label="theory, pitch held")
+        tops.append(float(floats(held, "speed").max()))
+    axes.set_ylabel("speed, m/s")
+    axes.set_ylim(0.0, 1.25 * max(tops) if tops else 1.0)
+
+
+def _between(frame: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
+    time = seconds(frame["time"])
+    return frame[(time >= begin) & (time <= end)]
+
+
+def _gap(unit: str) -> float:
+    return GAP * scale(unit)
