@@ -10,15 +10,13 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.ballast import Hull, hull
-from pipeline.estimate.series import powered
+from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
 from pipeline.model.forces import net_buoyancy
 from pipeline.records import BLOCKS, conform, seconds, usable
 from pipeline.vehicle import Vehicle
 
-#: Powered flight with less pitch than this (rad) is level flight.
-LEVEL = np.radians(10.0)
 #: A block is used when the speed is observable in at least this share of it.
 SHARE = 0.5
 #: 1-sigma (m/s) of what a speed sensor's mean is off by, whatever the number of samples.

@@ -2,10 +2,10 @@
 
 State V, θ, z, w_w and δ, where α = α_closure(θ, V) + δ: the polar closure gives the angle of attack of an unpowered
 steady glide, and δ, a Gauss–Markov process, says how far it may be off: little in steady flight, more in
-manoeuvres, and under power by the whole span between no thrust and no lift. Depth obeys ż = −V sin(θ − α) − w_w.
-Where there are fixes and a heading, position and current (E, N, c_E, c_N) join the state, so that the
-displacement between fixes carries the speed that depth cannot. Net buoyancy, thrust and propeller speed never
-enter, and a common factor on all coefficients changes nothing.
+manoeuvres. Under power the closure is not borrowed: α = δ, with the glide's α as its span. Depth obeys
+ż = −V sin(θ − α) − w_w. Where there are fixes and a heading, position, current and the speed of powered level
+flight join the state, so that the displacement between fixes carries the speed that depth cannot. Net buoyancy,
+thrust and propeller speed never enter, and a common factor on all coefficients changes nothing.
 
 The problem is linearised along the smoothed trajectory and solved again until that stands still (iterated
 extended Kalman smoother; Bell 1994, doi:10.1137/0804035). What the coefficients and the pitch bias leave open
@@ -24,7 +24,17 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import smoother
 from pipeline.estimate.legs import legs
-from pipeline.estimate.linearise import CURRENT_NORTH, Settings, Trajectory, linearise
+from pipeline.estimate.linearise import (
+    CRUISE,
+    DEPTH,
+    PITCH,
+    SLIP,
+    SPEED,
+    WATER,
+    Settings,
+    Trajectory,
+    linearise,
+)
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.smoother import Problem, Solution
 from pipeline.findings import Finding, nearest
@@ -38,7 +48,7 @@ OBSERVABLE = 0.2
 GATE = 6.0
 ENGINES = ("numba", "filterpy")
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
-SEARCHED = {"sigma_w": 0.7, "tau_w": 0.4, "speed_drift": 1.0, "depth_noise": 1.0, "current_drift": 1.0}
+SEARCHED = {"sigma_w": 0.3, "tau_w": 0.3, "stratification": 0.7, "depth_noise": 1.0, "current_drift": 1.0}
 #: The likelihood is searched on at most this many records.
 SEARCH_RECORDS = 20_000
 
@@ -114,7 +124,7 @@ def first_guess(series: Series, polar: Polar) -> Trajectory:
     speed = np.full(m, 0.4)
     for _ in range(3 if polar.drag_exponent else 1):
         alpha, _, _, steady = glide_angles(polar, speed, series.pitch_guess)
-        sine = np.sin(series.pitch_guess - np.where(series.powered, 0.5, 1.0) * alpha)
+        sine = np.sin(series.pitch_guess - _share(series) * alpha)
         good = steady & (np.abs(sine) > 0.15) & ~series.manoeuvre
         ratio = np.where(good, -series.depth_rate_guess / np.where(good, sine, 1.0), np.nan)
         good &= (ratio > 0.03) & (ratio < 3.0)
@@ -145,14 +155,26 @@ def _iterate(
             pitch_shift=pitch_shift,
         )
         solution = options.solve(problem)
-        speed = np.clip(solution.mean[:, 0], 0.02, 4.0)
-        pitch = np.clip(solution.mean[:, 1], -1.5, 1.5)
-        slip = np.clip(solution.mean[:, 4], -0.3, 0.3)
+        speed = np.clip(_speed(series, solution)[0], 0.02, 4.0)
+        pitch = np.clip(solution.mean[:, PITCH], -1.5, 1.5)
+        slip = np.clip(solution.mean[:, SLIP], -0.3, 0.3)
         change = float(np.max(np.abs(speed - at.speed)))
         at = Trajectory(speed, pitch, slip)
         if change < 1e-7:
             break
     return at, solution
+
+
+def _speed(series: Series, solution: Solution) -> tuple[np.ndarray, np.ndarray]:
+    """Return V and the state that it is at each instant (SPEED or CRUISE), shape (m,) each."""
+    n = solution.mean.shape[1]
+    state = np.where(series.cruising & (n > CRUISE), min(CRUISE, n - 1), SPEED)
+    return np.take_along_axis(solution.mean, state[:, None], axis=1)[:, 0], state
+
+
+def _share(series: Series) -> np.ndarray:
+    """Return the expected share of the glide's angle of attack: all of it, none under power; shape (m,)."""
+    return np.where(series.powered, 0.0, 1.0)
 
 
 def _noise_from(series: Series) -> Settings:
@@ -200,8 +222,12 @@ def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory,
         problem = linearise(short, polar, trial, along, use_speed=options.use_speed, use_fixes=options.use_fixes)
         return 0.5 * float(u @ u) - smoother.log_likelihood(problem)
 
+    simplex = np.vstack([np.zeros(len(names)), np.eye(len(names))])
     best = minimize(
-        cost, np.zeros(len(names)), method="Nelder-Mead", options={"maxfev": 150, "xatol": 0.05, "fatol": 0.1}
+        cost,
+        simplex[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": 150, "xatol": 0.05, "fatol": 0.1},
     )
     return replace(settings, **dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True)))
 
@@ -210,8 +236,8 @@ def _gate(series: Series, settings: Settings, solution: Solution, findings: list
     """Return the series without the measurements that the smoothed trajectory contradicts; list what was left out."""
     changed = {}
     for name, state, noise in (
-        ("depth", 2, settings.depth_noise),
-        ("pitch", 1, settings.pitch_noise),
+        ("depth", DEPTH, settings.depth_noise),
+        ("pitch", PITCH, settings.pitch_noise),
     ):
         value = getattr(series, name)
         sigma = np.sqrt(noise**2 + solution.covariance[:, state, state])
@@ -243,48 +269,49 @@ def _left_open(
     options: _Options,
 ) -> dict[str, np.ndarray]:
     """Return the change of (V, θ, α, γ, w) when each borrowed coefficient and the pitch bias moves by 1-sigma."""
-    base = _angles(series, vehicle.polar, solution.mean)
+    base = _angles(series, vehicle.polar, solution)
+    moves = {"pitch": (vehicle.polar, float(np.radians(mission.pitch.std_deg)))}
+    for name in ("lift_slope", "parasite_drag", "induced_drag", "lift_at_zero"):
+        step = vehicle.std(name)
+        if step > 0.0:
+            moves[name] = (vehicle.polar._replace(**{name: getattr(vehicle.polar, name) + step}), 0.0)
     changes: dict[str, np.ndarray] = {}
-    for name in ("lift_slope", "parasite_drag", "induced_drag", "lift_at_zero", "pitch"):
-        polar, shift = vehicle.polar, 0.0
-        if name == "pitch":
-            step = shift = np.radians(mission.pitch.std_deg)
-        else:
-            step = vehicle.std(name)
-            polar = polar._replace(**{name: getattr(polar, name) + step})
-        if not step > 0.0:
-            continue
+    for name, (polar, shift) in moves.items():
         _, moved = _iterate(series, polar, settings, at, options, 2, shift)
-        changes[name] = _angles(series, polar, moved.mean) - base
+        changes[name] = _angles(series, polar, moved) - base
     return changes
 
 
-def _angles(series: Series, polar: Polar, mean: np.ndarray) -> np.ndarray:
+def _angles(series: Series, polar: Polar, solution: Solution) -> np.ndarray:
     """Return V, θ, α, γ and w_w of smoothed states, shape (5, m)."""
-    glide, _, _, _ = glide_angles(polar, np.clip(mean[:, 0], 0.02, 4.0), mean[:, 1])
-    alpha = np.where(series.powered, 0.5, 1.0) * glide + mean[:, 4]
-    return np.stack([mean[:, 0], mean[:, 1], alpha, mean[:, 1] - alpha, mean[:, 3]])
+    speed, _ = _speed(series, solution)
+    pitch = solution.mean[:, PITCH]
+    glide, _, _, _ = glide_angles(polar, np.clip(speed, 0.02, 4.0), pitch)
+    alpha = _share(series) * glide + solution.mean[:, SLIP]
+    return np.stack([speed, pitch, alpha, pitch - alpha, solution.mean[:, WATER]])
 
 
 def _tabulate(
     records: pd.DataFrame, series: Series, polar: Polar, solution: Solution, spread: dict[str, np.ndarray]
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return the canonical estimates and the report on them."""
-    speed, pitch, alpha, path, water = _angles(series, polar, solution.mean)
+    speed, pitch, alpha, path, water = _angles(series, polar, solution)
     P = solution.covariance
+    row = np.arange(speed.size)
+    _, state = _speed(series, solution)
     _, by_pitch, by_speed, steady = glide_angles(polar, np.clip(speed, 0.02, 4.0), pitch)
-    share = np.where(series.powered, 0.5, 1.0)
+    share = _share(series)
     to_alpha = np.zeros((speed.size, P.shape[1]))
-    to_alpha[:, 0], to_alpha[:, 1], to_alpha[:, 4] = share * by_speed, share * by_pitch, 1.0
+    to_alpha[row, state], to_alpha[:, PITCH], to_alpha[:, SLIP] = share * by_speed, share * by_pitch, 1.0
     to_path = -to_alpha
-    to_path[:, 1] += 1.0
+    to_path[:, PITCH] += 1.0
     random = np.stack(
         [
-            P[:, 0, 0],
-            P[:, 1, 1],
+            P[row, state, state],
+            P[:, PITCH, PITCH],
             np.einsum("ki,kij,kj->k", to_alpha, P, to_alpha),
             np.einsum("ki,kij,kj->k", to_path, P, to_path),
-            P[:, 3, 3],
+            P[:, WATER, WATER],
         ]
     )
     total = np.sqrt(np.maximum(random, 0.0) + sum(change**2 for change in spread.values()))
@@ -304,8 +331,8 @@ def _tabulate(
             "angle_of_attack_std": total[2] * hidden,
             "pitch": pitch,
             "pitch_std": total[1],
-            "depth": solution.mean[:, 2],
-            "depth_std": np.sqrt(P[:, 2, 2]),
+            "depth": solution.mean[:, DEPTH],
+            "depth_std": np.sqrt(P[:, DEPTH, DEPTH]),
             "vertical_water_velocity": water * hidden,
             "vertical_water_velocity_std": total[4] * hidden,
             "observable": seen,
@@ -317,7 +344,7 @@ def _tabulate(
         "reasons": {str(text): int((reason == text).sum()) for text in np.unique(reason) if text},
         "consistency": consistency(solution, series),
         "coverage": coverage(series, speed, total[0], seen),
-        "gps": legs(series, solution.mean, P, seen) if P.shape[1] > CURRENT_NORTH else None,
+        "gps": legs(series, speed, total[0], solution.mean, seen) if P.shape[1] > CRUISE else None,
         "share_of_variance": {
             name: float(np.mean((change[0] ** 2 / total[0] ** 2)[seen])) if seen.any() else None
             for name, change in spread.items()

@@ -14,25 +14,28 @@ from pipeline.estimate.series import Series
 SHORTEST = 120.0
 
 
-def legs(series: Series, mean: np.ndarray, covariance: np.ndarray, seen: np.ndarray) -> dict[str, Any] | None:
+def legs(
+    series: Series, speed: np.ndarray, speed_std: np.ndarray, mean: np.ndarray, seen: np.ndarray
+) -> dict[str, Any] | None:
     """Return every submerged leg, and the speed that the displacements determine in powered level flight.
 
     Parameters
     ----------
     series
         Measurements, m instants.
-    mean, covariance
-        Smoothed states, shapes (m, 9) and (m, 9, 9).
+    speed, speed_std
+        Estimated speed and its 1-sigma, shape (m,).
+    mean
+        Smoothed states, shape (m, 10).
     seen
         Where the speed is observable, shape (m,).
 
     Returns
     -------
     dict or None
-        ``legs`` (start_s, end_s, heading_deg, displacement_m, duration_s, speed, speed_std, current_east,
-        current_north), and ``speed`` with ``speed_std`` [m/s] over the powered legs that are seen; None without legs.
-        The 1-sigma of the mean is the larger of the legs' scatter over √n and the smoother's own over √(n/2): two
-        reciprocal legs are needed to tell speed from current.
+        ``legs`` (start_s, end_s, heading_deg, displacement_m, duration_s, powered, speed, speed_std, current_east,
+        current_north), and ``speed`` with ``speed_std`` [m/s] of powered level flight, None where the fixes do not
+        determine it; None without legs. The speed at one setting is one unknown, so its 1-sigma is the estimate's own.
     """
     fixes = np.flatnonzero(np.isfinite(series.east))
     table: list[dict[str, Any]] = []
@@ -45,7 +48,7 @@ def legs(series: Series, mean: np.ndarray, covariance: np.ndarray, seen: np.ndar
         east, north = series.east[last] - series.east[first], series.north[last] - series.north[first]
         heading = series.heading[submerged]
         observed = submerged[seen[submerged]]
-        level = observed[series.powered[observed]]
+        level = observed[series.cruising[observed]]
         chosen = level if level.size else observed
         table.append(
             {
@@ -55,8 +58,8 @@ def legs(series: Series, mean: np.ndarray, covariance: np.ndarray, seen: np.ndar
                 "displacement_m": float(np.hypot(east, north)),
                 "duration_s": duration,
                 "powered": bool(level.size > 0),
-                "speed": float(mean[chosen, 0].mean()) if chosen.size else None,
-                "speed_std": float(np.sqrt(covariance[chosen, 0, 0].mean())) if chosen.size else None,
+                "speed": float(speed[chosen].mean()) if chosen.size else None,
+                "speed_std": float(speed_std[chosen].mean()) if chosen.size else None,
                 "current_east": float(mean[submerged, CURRENT_EAST].mean()),
                 "current_north": float(mean[submerged, CURRENT_NORTH].mean()),
             }
@@ -64,10 +67,7 @@ def legs(series: Series, mean: np.ndarray, covariance: np.ndarray, seen: np.ndar
     if not table:
         return None
     result: dict[str, Any] = {"legs": table, "speed": None, "speed_std": None}
-    known = [leg for leg in table if leg["powered"]]
-    if known:
-        speed = np.array([leg["speed"] for leg in known])
-        own = float(np.sqrt(np.mean([leg["speed_std"] ** 2 for leg in known]) / max(len(known) / 2.0, 1.0)))
-        scatter = float(speed.std(ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
-        result |= {"speed": float(speed.mean()), "speed_std": max(own, scatter)}
+    level = series.cruising & seen
+    if level.any():
+        result |= {"speed": float(speed[level].mean()), "speed_std": float(speed_std[level].mean())}
     return result

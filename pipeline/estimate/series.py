@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
+import gsw
 import numpy as np
 import pandas as pd
-from scipy.ndimage import binary_dilation, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from pipeline.records import Phase, seconds, usable
 
@@ -14,6 +16,10 @@ from pipeline.records import Phase, seconds, usable
 TURNING, DRIVING = 0.5, 1.0
 #: A pause in the records longer than this (s) may hide a manoeuvre.
 PAUSE = 120.0
+#: Powered flight with less pitch than this (rad) is level flight.
+LEVEL = np.radians(10.0)
+#: Margins (s) before and after a change within which flight is not steady: some time constants m/(2 K_D V).
+BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
 EARTH_RADIUS = 6_371_000.0
 
 
@@ -31,9 +37,13 @@ class Series:
     heading: np.ndarray  # rad, interpolated: an input, not a measurement; NaN if there is none
     pitch_guess: np.ndarray  # rad, interpolated: where the model is first linearised
     depth_rate_guess: np.ndarray  # m/s
+    stratification: np.ndarray  # kg/m3/s, |rate of potential density| met; NaN where density is not known
     powered: np.ndarray  # bool
     manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
+    gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
+    cruising: np.ndarray  # bool: powered level flight, steady
+    new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
 
     @property
     def located(self) -> bool:
@@ -63,6 +73,10 @@ def from_records(records: pd.DataFrame) -> Series:
     rate = _rate(time, depth_guess, 20.0)
     phase = records["phase"].to_numpy()
     driven = powered(records)
+    surfaced = phase == Phase.SURFACING
+    manoeuvre = _manoeuvre(time, pitch_guess, phase, records, driven)
+    gentle = driven & ~_near(time, np.diff(driven, prepend=False), AFTER, AFTER)
+    cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
         time=time,
         depth=depth,
@@ -74,9 +88,13 @@ def from_records(records: pd.DataFrame) -> Series:
         heading=_heading(time, records),
         pitch_guess=pitch_guess,
         depth_rate_guess=rate,
+        stratification=_stratification(time, records),
         powered=driven,
-        manoeuvre=_manoeuvre(time, pitch_guess, phase, records, driven),
-        surfaced=phase == Phase.SURFACING,
+        manoeuvre=manoeuvre,
+        gentle=gentle,
+        surfaced=surfaced,
+        cruising=cruising,
+        new_setting=_new_setting(cruising, records),
     )
 
 
@@ -101,17 +119,50 @@ def _manoeuvre(
     time: np.ndarray, pitch: np.ndarray, phase: np.ndarray, records: pd.DataFrame, driven: np.ndarray
 ) -> np.ndarray:
     """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
-    turning = np.abs(_rate(time, pitch, 12.0)) > np.radians(0.3)
+    turning: np.ndarray = np.abs(_rate(time, pitch, 12.0)) > np.radians(0.3)
     volume = records["buoyancy_volume"].to_numpy()
     if np.isfinite(volume).sum() > 2:
         span = np.nanmax(volume) - np.nanmin(volume)
         turning |= np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(2e-3 * span, 3e-7)
     turning |= np.diff(driven, prepend=driven[:1])
     turning |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
-    gap = np.diff(time, append=time[-1])
-    turning |= gap > PAUSE
-    typical = float(np.median(gap[gap > 0])) if (gap > 0).any() else 1.0
-    return np.asarray(binary_dilation(turning, iterations=max(int(15.0 / typical), 1)))
+    turning |= np.diff(time, append=time[-1]) > PAUSE
+    powered_margin, margin = _near(time, turning, BEFORE, AFTER_POWERED), _near(time, turning, BEFORE, AFTER)
+    return np.asarray(np.where(driven, powered_margin, margin))
+
+
+def _near(time: np.ndarray, event: np.ndarray, before: float, after: float) -> np.ndarray:
+    """Return where an event is at most `before` seconds ahead or `after` seconds past, shape (m,)."""
+    events = np.flatnonzero(event)
+    if not events.size:
+        return np.zeros(time.size, dtype=bool)
+    index = np.arange(time.size)
+    last = events[np.maximum(np.searchsorted(events, index, side="right") - 1, 0)]
+    following = events[np.minimum(np.searchsorted(events, index), events.size - 1)]
+    since, until = time - time[last], time[following] - time
+    return np.asarray(((since >= 0.0) & (since < after)) | ((until >= 0.0) & (until < before)))
+
+
+def _new_setting(cruising: np.ndarray, records: pd.DataFrame) -> np.ndarray:
+    """Return the instants at which a cruise begins with another propeller setting than the one before."""
+    setting = records["propeller_speed"].fillna(records["propeller_power"]).ffill().to_numpy()
+    starts = np.flatnonzero(cruising & ~np.roll(cruising, 1))
+    new = np.zeros(cruising.size, dtype=bool)
+    for before, start in pairwise(starts):
+        if abs(setting[start] - setting[before]) > 0.02 * abs(setting[before]):
+            new[max(int(start) - 1, 0)] = True
+    return new
+
+
+def _stratification(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
+    """Return how fast the vehicle meets water of another potential density, smoothed over 30 s."""
+    salinity, temperature = (records[name].to_numpy() for name in ("absolute_salinity", "conservative_temperature"))
+    known = np.isfinite(salinity) & np.isfinite(temperature)
+    if known.sum() < 3:
+        return np.full(time.size, np.nan)
+    density = np.full(time.size, np.nan)
+    density[known] = gsw.sigma0(salinity[known], temperature[known])
+    return np.asarray(np.abs(_rate(time, _interpolate(time, density), 30.0)))
 
 
 def _heading(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
