@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from pipeline.ingest.logs import Logs
 
-FORMATS = ("slocum", "seaglider", "table")
+#: Formats of the gliders' own computers; the other one is the plain table.
+NATIVE = ("slocum", "seaglider")
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,18 @@ def recognise(mission: Mission) -> str:
     """
     if mission.format != "auto":
         return mission.format
-    found = {name: [path for path in _present(mission) if _reader(name).recognises(path)] for name in FORMATS}
-    native = [name for name in FORMATS if name != "table" and found[name]]
+    present = _present(mission)
+    tables = [path for path in present if _reader("table").recognises(path)]
+    others = [path for path in present if path not in tables and path.name != FILE]
+    found = {name: [path for path in others if _reader(name).recognises(path)] if others else [] for name in NATIVE}
+    found["table"] = tables
+    native = [name for name in NATIVE if found[name]]
     formats = native + (["table"] if mission.files or (found["table"] and not native) else [])
     if len(formats) == 1:
         return formats[0]
     place = mission.folder.name or "mission"
     if not formats:
-        others = sorted(path.name for path in _present(mission) if path.name != FILE)
-        shown = ", ".join(others[:5]) + (" …" if len(others) > 5 else "")
+        shown = ", ".join(path.name for path in others[:5]) + (" …" if len(others) > 5 else "")
         raise InputError(
             place,
             found=f"no logs among {shown}" if others else "an empty folder",
@@ -94,10 +98,10 @@ def input_files(mission: Mission) -> list[Path]:
     if mission.vehicle.endswith((".yaml", ".yml")):
         own.append(mission.folder / mission.vehicle)
     form = recognise(mission)
-    logs = _reader(form).files(mission.folder)
+    reader = _reader(form)
+    logs = reader.files(mission.folder)
     if form == "table":
-        named = [mission.folder / name for name in mission.files]
-        logs = sorted({*logs, *(path for path in named if path.is_file())})
+        logs = sorted({*logs, *reader.named(mission)})
     return [path for path in own if path.is_file()] + [path for path in logs if path not in own]
 
 

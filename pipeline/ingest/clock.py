@@ -60,8 +60,16 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
 def longest_increase(values: npt.NDArray[np.int64]) -> Mask:
     """Return which of `values`, shape (n,), form a longest non-decreasing subsequence, as a mask of shape (n,).
 
-    Patience sorting (Fredman 1975, doi:10.1016/0012-365X(75)90103-X), O(n log n).
+    What is in order with everything before and after it belongs to one in any case; the rest is found by patience
+    sorting (Fredman 1975, doi:10.1016/0012-365X(75)90103-X), O(n log n).
     """
+    least_after = np.minimum.accumulate(values[::-1])[::-1]
+    mask = (values >= np.maximum.accumulate(values)) & (values <= least_after)
+    mask[~mask] = _patience(values[~mask])
+    return np.asarray(mask)
+
+
+def _patience(values: npt.NDArray[np.int64]) -> Mask:
     tails: list[int] = []
     at: list[int] = []
     before = np.full(values.size, -1, dtype=np.int64)

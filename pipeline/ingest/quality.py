@@ -70,14 +70,14 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
             inside = within(values, column)
             if column in ("latitude", "longitude") and {"latitude", "longitude"} <= set(frame.columns):
                 inside &= ~((frame["latitude"].to_numpy() == 0.0) & (frame["longitude"].to_numpy() == 0.0))
-            bad = {"values out of range": ~missing & ~inside}
+            bad = {"out of range": ~missing & ~inside}
             usable = ~missing & inside
             if column == "pressure":
-                bad["spikes"] = _at(usable, pressure_spikes(time[usable], values[usable]))
+                bad["in a spike"] = _at(usable, pressure_spikes(time[usable], values[usable]))
             elif column == "temperature":
-                bad["spikes"] = _at(usable, temperature_spikes(values[usable]))
+                bad["in a spike"] = _at(usable, temperature_spikes(values[usable]))
             elif column == "pitch" and reference is not None:
-                bad["values of a stuck sensor"] = _at(usable, stuck(time[usable], values[usable], *reference))
+                bad["of a stuck sensor"] = _at(usable, stuck(time[usable], values[usable], *reference))
             for what, mask in bad.items():
                 if mask.any():
                     flag[mask] = Quality.BAD
@@ -246,18 +246,18 @@ def _worse(flag: npt.NDArray[np.int8], given: pd.Series | None) -> npt.NDArray[n
 
 
 def _flagged(name: str, column: str, what: str, mask: Mask, values: Array) -> Finding:
-    row = int(np.argmax(mask))
+    row, count = int(np.argmax(mask)), int(mask.sum())
     low, high = RANGES[column]
     expected = {
-        "values out of range": f"{low:.4g} to {high:.4g} {_UNITS[column]}",
-        "spikes": "what a glider can do between two samples",
-        "values of a stuck sensor": "changes while depth changes",
+        "out of range": f"{low:.4g} to {high:.4g} {_UNITS[column]}",
+        "in a spike": "what a glider can do between two samples",
+        "of a stuck sensor": "changes while depth changes",
     }[what]
     return Finding(
         "warning",
         name,
         f"{column}, record {row + 1}",
-        f"{int(mask.sum())} {what}, first {values[row]:.6g} {_UNITS[column]}",
+        f"{count} value{'s' if count > 1 else ''} {what}, first {values[row]:.6g} {_UNITS[column]}",
         expected,
         "flagged bad and not used",
     )

@@ -137,16 +137,15 @@ def with_sea_water(mission: Mission, streams: list[pd.DataFrame]) -> tuple[list[
     out = []
     for frame in streams:
         fresh = mission.salinity == "fresh"
-        needed = ["temperature", "pressure"] if fresh else ["temperature", "conductivity", "pressure"]
+        own = "pressure_interpolated" if "pressure_interpolated" in frame else "pressure"
+        needed = ["temperature", own] if fresh else ["temperature", "conductivity", own]
         if not set(needed) <= set(frame.columns):
-            out.append(frame)
+            out.append(frame.drop(columns="pressure_interpolated", errors="ignore"))
             continue
         values = {name: good(frame, name) for name in needed}
         if mission.salinity == "baltic":
             _in_baltic(place)
-        water = sea_water(
-            values.get("conductivity"), values["temperature"], values["pressure"], place, mission.salinity
-        )
+        water = sea_water(values.get("conductivity"), values["temperature"], values[own], place, mission.salinity)
         complete = np.logical_and.reduce([np.isfinite(values[name]) for name in needed])
         lost = complete & ~np.isfinite(water["density"])
         if lost.any():
@@ -162,7 +161,7 @@ def with_sea_water(mission: Mission, streams: list[pd.DataFrame]) -> tuple[list[
                     "their density is left out",
                 )
             )
-        joined = frame.assign(**water)
+        joined = frame.assign(**water).drop(columns="pressure_interpolated", errors="ignore")
         joined.attrs = frame.attrs
         out.append(joined)
     if not any("density" in frame and frame["density"].notna().any() for frame in out):

@@ -7,37 +7,22 @@ and the range of the values, and every guess is a finding.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
-from pipeline.ingest.headers import quantity
-from pipeline.ingest.units import QUANTITIES, by_range, convert, known
-from pipeline.mission import Mission, Table, TableColumn
+from pipeline.ingest.columns import Source, converted, listed, match
+from pipeline.ingest.units import by_range
+from pipeline.mission import Mission, Table
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
     import pandas as pd
 
     from pipeline.ingest.logs import Logs
 
-    Array = npt.NDArray[np.float64]
-
 SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".csv.gz", ".txt.gz", ".tsv.gz")
 TRUTH = "truth.parquet"
-
-#: Two names of one quantity in one file: the first is read, the second only compared with it.
-_TWINS = {"depth": "pressure", "salinity": "conductivity"}
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Where a canonical column comes from: its column in the file, the unit, and whether either was guessed."""
-
-    column: str
-    unit: str | None
-    guessed: bool
 
 
 def recognises(path: Path) -> bool:
@@ -51,6 +36,31 @@ def files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.is_file() and recognises(path))
 
 
+def named(mission: Mission) -> dict[Path, Table]:
+    """Return the files that mission.yaml names, or matches by a pattern (``gli.*.gz``), and what it says of each.
+
+    Raises
+    ------
+    InputError
+        If there is no such file.
+    """
+    present = sorted(path for path in mission.folder.iterdir() if path.is_file())
+    out: dict[Path, Table] = {}
+    for pattern, table in mission.files.items():
+        found = [path for path in present if path.name == pattern]
+        found = found or [path for path in present if fnmatchcase(path.name, pattern)]
+        if not found:
+            raise InputError(
+                "mission.yaml",
+                f"files.{pattern}",
+                found="no such file",
+                expected="a file in the mission's folder",
+                remedy=nearest(pattern, [path.name for path in present]),
+            )
+        out.update(dict.fromkeys(found, table))
+    return out
+
+
 def read(mission: Mission) -> Logs:
     """Return the logs of a mission kept in plain tables.
 
@@ -62,41 +72,62 @@ def read(mission: Mission) -> Logs:
     InputError
         If mission.yaml names a file, a column or a unit that is not there.
     """
-    from pipeline.ingest.logs import Logs
+    from pipeline.ingest.logs import Logs, gather
     from pipeline.ingest.seawater import pressure_and_conductivity
 
     findings: list[Finding] = []
-    streams: list[pd.DataFrame] = []
     if (mission.folder / TRUTH).is_file():
-        findings.append(Finding("note", TRUTH, "", "the truth of a simulation", remedy="not read: it is not a log"))
-    paths = {path.name: path for path in files(mission.folder)}
-    for name in mission.files:
-        path = mission.folder / name
-        if not path.is_file():
-            raise InputError(
-                "mission.yaml",
-                f"files.{name}",
-                found="no such file",
-                expected="a file in the mission's folder",
-                remedy=nearest(name, sorted(entry.name for entry in mission.folder.iterdir() if entry.is_file())),
-            )
-        paths[name] = path
-    for name, path in sorted(paths.items()):
-        frame = _read_file(path, mission.files.get(name, Table()), findings)
-        if frame is not None:
-            streams.append(frame)
+        findings.append(Finding("note", TRUTH, "", "the truth of a simulation", "", "not read: it is not a log"))
+    tables = dict.fromkeys(files(mission.folder), Table()) | named(mission)
+    parts = [part for path, table in sorted(tables.items()) if (part := _read_file(path, table, findings))]
+    guesses = _guesses(parts)
+    streams = []
+    for part in parts:
+        frame, notes = converted(part.raw, part.sources, part.table, part.file, guesses[part.likeness])
+        streams.append(frame)
+        findings += notes
     streams, doubts = pressure_and_conductivity(mission, _join(streams))
-    return Logs(streams, findings + doubts)
+    return Logs(streams, gather([*findings, *doubts]))
 
 
-def _read_file(path: Path, table: Table, findings: list[Finding]) -> pd.DataFrame | None:
-    """Return one file as a stream in the records' units, None (and a finding) if it is not a table of any use."""
+@dataclass(frozen=True)
+class _Part:
+    """One file as it was read: its columns as they stand there, and which of them is which canonical one."""
+
+    file: str
+    table: Table
+    sources: dict[str, Source]
+    raw: pd.DataFrame
+
+    @property
+    def likeness(self) -> tuple[tuple[str, Source], ...]:
+        """What files of one instrument have in common."""
+        return tuple(sorted(self.sources.items()))
+
+
+def _guesses(parts: list[_Part]) -> dict[tuple[tuple[str, Source], ...], dict[str, str]]:
+    """Return the units that the ranges suggest where none is stated, from all files of an instrument together."""
+    import numpy as np
+
+    out: dict[tuple[tuple[str, Source], ...], dict[str, str]] = {}
+    for likeness in dict.fromkeys(part.likeness for part in parts):
+        alike = [part.raw for part in parts if part.likeness == likeness]
+        out[likeness] = {
+            name: by_range(np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in alike]), name)
+            for name, source in likeness
+            if source.unit is None and name != "time" and not name.endswith("_qc")
+        }
+    return out
+
+
+def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | None:
+    """Return one file as it stands, None (and a finding) if it is not a table of any use."""
     opened = _open(path)
     if opened is None:
         findings.append(Finding("error", path.name, "", "no table", "a header line and records", "file left out"))
         return None
     columns, units = opened.columns, opened.units
-    sources, notes = _match(columns, units, table, path.name)
+    sources, notes = match(columns, units, table, path.name)
     findings.extend(notes)
     if "time" not in sources:
         findings.append(
@@ -104,7 +135,7 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> pd.DataFram
                 "error",
                 path.name,
                 "",
-                f"no time among the columns {_some(columns)}",
+                f"no time among the columns {listed(columns)}",
                 "a time column",
                 f"file left out; name it under files: {path.name}: time: in mission.yaml",
             )
@@ -116,7 +147,7 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> pd.DataFram
                 "warning",
                 path.name,
                 "",
-                f"nothing but time known among the columns {_some(columns)}",
+                f"nothing but time known among the columns {listed(columns)}",
                 "a measurement",
                 f"file left out; name columns under files: {path.name}: columns: in mission.yaml",
             )
@@ -130,109 +161,7 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> pd.DataFram
     if raw.empty:
         findings.append(Finding("error", path.name, "", "a header and no records", "records", "file left out"))
         return None
-    return _converted(raw, sources, table, path.name, findings)
-
-
-def _match(columns: list[str], units: list[str], table: Table, file: str) -> tuple[dict[str, _Source], list[Finding]]:
-    """Return which column of the file is which canonical one: as mission.yaml says, else as the header suggests."""
-    sources: dict[str, _Source] = {}
-    notes: list[Finding] = []
-    named = {name: entry if isinstance(entry, TableColumn) else TableColumn(column=entry)
-             for name, entry in table.columns.items()}  # fmt: skip
-    if table.time is not None:
-        named["time"] = table.time
-    for key, entry in named.items():
-        place = f"files.{file}.time" if key == "time" else f"files.{file}.columns.{key}"
-        if key != "time" and key.removesuffix("_qc") not in QUANTITIES:
-            raise InputError("mission.yaml", place, found="an unknown quantity", remedy=nearest(key, list(QUANTITIES)))
-        if entry.column not in columns:
-            raise InputError(
-                file,
-                f"column '{entry.column}'",
-                found=f"no such column among {_some(columns)}",
-                expected=f"the column that mission.yaml names for {key}",
-                remedy=nearest(entry.column, columns),
-            )
-        stated = units[columns.index(entry.column)] or quantity(entry.column)[1]
-        sources[key] = _Source(entry.column, entry.unit or stated, entry.unit is None)
-    taken = {source.column for source in sources.values()} | set(table.ignore)
-    left = []
-    twins = {twin for pair in _TWINS.items() for twin, other in (pair, pair[::-1]) if other in named}
-    for column, below in zip(columns, units, strict=True):
-        if column in taken:
-            continue
-        name, suggested = quantity(column)
-        unit = below or suggested
-        if name is None or name in sources or name in twins:
-            left.append(column)
-        elif unit and name in QUANTITIES and not known(name, unit):
-            notes.append(
-                Finding(
-                    "warning",
-                    file,
-                    f"column '{column}'",
-                    f"unit '{unit}' for {name}",
-                    f"a unit of {QUANTITIES[name].name}",
-                    f"column left out; {nearest(unit, list(QUANTITIES[name].units))}",
-                )
-            )
-        else:
-            sources[name] = _Source(column, unit, True)
-    if left:
-        notes.append(Finding("note", file, "", f"columns that are not read: {', '.join(left)}"))
-    orphans = {key for key in sources if key.endswith("_qc") and key.removesuffix("_qc") not in sources}
-    return {key: source for key, source in sources.items() if key not in orphans}, notes
-
-
-def _converted(
-    raw: pd.DataFrame, sources: dict[str, _Source], table: Table, file: str, findings: list[Finding]
-) -> pd.DataFrame:
-    """Return the columns of one file in the records' units under their canonical names."""
-    import numpy as np
-    import pandas as pd
-
-    out: dict[str, Any] = {"time": _seconds(raw[sources["time"].column], sources["time"].unit, table, file)}
-    guesses = [f"'{sources['time'].column}' is time"] if sources["time"].guessed else []
-    for name, source in sources.items():
-        if name == "time":
-            continue
-        values = raw[source.column].to_numpy(dtype=np.float64)
-        if name.endswith("_qc"):
-            out[name] = np.nan_to_num(values, nan=9.0).astype(np.int8)
-            continue
-        unit = source.unit or by_range(values, name)
-        out[name] = convert(values, name, unit, file, source.column)
-        if source.guessed:
-            guesses.append(f"'{source.column}' is {name} in {unit}")
-    if guesses:
-        findings.append(Finding("note", file, "", "guessed from header and range: " + ", ".join(guesses)))
-    frame = pd.DataFrame(out)
-    frame.attrs = {
-        "name": file,
-        "columns": {name: source.column for name, source in sources.items()},
-        "units": {name: source.unit or "" for name, source in sources.items()},
-    }
-    return frame
-
-
-def _seconds(column: pd.Series[Any], unit: str | None, table: Table, file: str) -> Array:
-    import numpy as np
-    import pandas as pd
-
-    from pipeline.ingest import times
-
-    name = str(column.name)
-    if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
-        moments = pd.DatetimeIndex(column)
-        if moments.tz is None:
-            moments = moments.tz_localize(table.timezone, ambiguous="NaT", nonexistent="NaT")
-        stamps = moments.tz_convert("UTC").as_unit("ns")
-        return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
-    numbers = column if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce")
-    if column.dtype.kind == "f" or numbers.notna().sum() > 0.5 * max(1, column.notna().sum()):
-        stated = unit if unit in times.UNITS or (unit and table.time and table.time.unit == unit) else None
-        return times.numeric(numbers.to_numpy(dtype=np.float64), stated, file, name)
-    return times.textual(column.astype("object"), unit, table.timezone, file, name)
+    return _Part(path.name, table, sources, raw)
 
 
 def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
@@ -263,11 +192,6 @@ def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
     return sorted(out, key=lambda frame: str(frame.attrs["name"]))
 
 
-def _some(columns: list[str]) -> str:
-    listed = [f"'{column}'" for column in columns[:8]]
-    return ", ".join(listed) + (f" and {len(columns) - 8} more" if len(columns) > 8 else "")
-
-
 @dataclass(frozen=True)
 class _Opened:
     """A table whose header is read: its columns and their units ("" unknown), and how to read the rest."""
@@ -277,7 +201,7 @@ class _Opened:
     units: list[str]
     layout: Any
 
-    def read(self, sources: dict[str, _Source]) -> tuple[pd.DataFrame, list[str]]:
+    def read(self, sources: dict[str, Source]) -> tuple[pd.DataFrame, list[str]]:
         """Return the columns of `sources` and what could not be read of them."""
         if self.layout is None:
             return _read_parquet(self.path, sources)
@@ -285,7 +209,7 @@ class _Opened:
 
         clock = sources["time"].column
         first = self.layout.first[self.columns.index(clock)] if len(self.layout.first) == len(self.columns) else ""
-        timed = [] if _is_number(first) else [clock]
+        timed = [] if text.is_number(first) else [clock]
         numeric = list(dict.fromkeys(s.column for s in sources.values() if s.column not in timed))
         return text.read(self.path, self.layout, numeric, timed)
 
@@ -308,7 +232,7 @@ def _open(path: Path) -> _Opened | None:
     return None if layout is None else _Opened(path, layout.names, layout.units, layout)
 
 
-def _read_parquet(path: Path, sources: dict[str, _Source]) -> tuple[pd.DataFrame, list[str]]:
+def _read_parquet(path: Path, sources: dict[str, Source]) -> tuple[pd.DataFrame, list[str]]:
     import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -325,19 +249,9 @@ def _read_parquet(path: Path, sources: dict[str, _Source]) -> tuple[pd.DataFrame
             numbers = pd.to_numeric(frame[name], errors="coerce")
             wrong = numbers.isna() & frame[name].notna()
             if wrong.any():
-                trouble.append(
-                    f"{int(wrong.sum())} fields of column '{name}' that are no numbers, "
-                    f"first '{frame[name][wrong].iloc[0]}'"
-                )
+                first, count = frame[name][wrong].iloc[0], f"{int(wrong.sum())} of {len(frame)} fields"
+                trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
             frame[name] = numbers
     if clock in frame and frame[clock].dtype.kind in "iu":
         frame[clock] = frame[clock].astype("float64")
     return frame[wanted], trouble
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

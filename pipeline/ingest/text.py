@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pandas as pd
 
+#: How a column without a name is called.
+UNNAMED = "unnamed column "
 _SNIFFED = 1 << 16
 _MISSING = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "n/a", "null", "NULL", "None", "none", "-", "--", "NaT"]
 
@@ -21,7 +23,7 @@ class Layout:
     Attributes
     ----------
     names
-        Header, one unique name a column ("" for a column without one becomes ``column N``).
+        Header, one unique name a column ("" for a column without one becomes ``unnamed column N``).
     units
         Units in a second header line, "" where there are none.
     separator
@@ -72,7 +74,7 @@ def sniff(path: Path) -> Layout | None:
         separator = ""
     names = _fields(header, separator)
     body = lines[start + 1 :]
-    if all(_is_number(name) for name in names) or (len(names) < 2 and separator == ""):
+    if all(is_number(name) for name in names) or (len(names) < 2 and separator == ""):
         return None
     units = [""] * len(names)
     skipped = start + 1
@@ -81,7 +83,7 @@ def sniff(path: Path) -> Layout | None:
         skipped += 1
         body = body[1:]
     first = next((_fields(line, separator) for line in body if line.strip()), [])
-    decimal = "," if separator != "," and any(_is_number(f.replace(",", ".", 1)) and "," in f for f in first) else "."
+    decimal = "," if separator != "," and any(is_number(f.replace(",", ".", 1)) and "," in f for f in first) else "."
     return Layout(_unique(names), units, separator, skipped, decimal, encoding, first)
 
 
@@ -169,7 +171,8 @@ def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[s
         wrong = values.isna() & ~frame[name].str.strip().isin(_MISSING)
         if wrong.any():
             first = frame[name][wrong].iloc[0]
-            trouble.append(f"{int(wrong.sum())} fields of column '{name}' that are no numbers, first '{first}'")
+            count = f"{int(wrong.sum())} of {len(frame)} fields"
+            trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
         out[name] = values.astype("float64")
     return pd.DataFrame(out), [*_broken(broken), *trouble]
 
@@ -177,7 +180,8 @@ def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[s
 def _broken(numbers: list[int]) -> list[str]:
     if not numbers:
         return []
-    return [f"{len(numbers)} lines with a wrong number of fields, first line {numbers[0]}"]
+    count = f"{len(numbers)} line{'s' if len(numbers) > 1 else ''}"
+    return [f"{count} with a wrong number of fields, first line {numbers[0]}"]
 
 
 def _open(path: Path) -> Any:
@@ -192,7 +196,8 @@ def _fields(line: str, separator: str) -> list[str]:
     return [field.strip().strip('"') for field in line.split(separator)]
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Return whether `text` is a number."""
     try:
         float(text)
     except ValueError:
@@ -205,12 +210,12 @@ def _is_unit_line(fields: list[str], width: int) -> bool:
     filled = [field for field in fields if field]
     if len(fields) != width or not filled or any(field in _MISSING for field in filled):
         return False
-    return not any(field[0].isdigit() or _is_number(field) for field in filled)
+    return not any(field[0].isdigit() or is_number(field) for field in filled)
 
 
 def _unique(names: list[str]) -> list[str]:
     out: list[str] = []
     for number, name in enumerate(names, 1):
-        name = name or f"column {number}"
+        name = name or f"{UNNAMED}{number}"
         out.append(name if name not in out else f"{name} #{number}")
     return out

@@ -99,11 +99,6 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
     return out
 
 
-def is_text_of_time(text: str) -> bool:
-    """Return whether `text` begins like a date: ``2016-06-22…``, ``20160622T…`` or ``22/06/2016…``."""
-    return bool(re.match(r"^\s*(\d{4}-\d{2}-\d{2}|\d{8}T\d{2}|\d{1,2}[/.]\d{1,2}[/.]\d{4})", text))
-
-
 def _zone(name: str, file: str) -> ZoneInfo:
     try:
         return ZoneInfo(name)

@@ -1,0 +1,81 @@
+"""Clocks: which records go, which stay, and what is said about it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.ingest.clock import cleaned, longest_increase
+
+START = 1.5e9
+
+
+def _frame(time: list[float]) -> pd.DataFrame:
+    return pd.DataFrame({"time": time, "pitch": np.arange(float(len(time)))})
+
+
+def test_a_clean_clock_is_left_as_it_is() -> None:
+    frame, findings = cleaned(_frame([START, START + 1.25, START + 2.5]), "ctd.csv")
+    assert frame["time"].tolist() == [START, START + 1.25, START + 2.5]
+    assert findings == []
+
+
+def test_garbage_times_are_dropped_and_the_first_is_named() -> None:
+    frame, findings = cleaned(_frame([START, 1e103, START + 1, np.nan, 0.0, START + 2]), "01330005.ecd")
+    assert frame["pitch"].tolist() == [0.0, 2.0, 5.0]
+    assert [str(finding) for finding in findings] == [
+        "01330005.ecd: record 4: found no time; expected a time; left out",
+        "01330005.ecd: record 2: found an absurd time (1e+103), and 2 of 6 records like it; "
+        "expected a time from 1990 to 2100; left out",
+    ]
+
+
+def test_times_that_go_backwards_are_dropped_and_counted() -> None:
+    frame, findings = cleaned(_frame([START, START + 1, START + 1.5, START - 50, START - 49, START + 2]), "ctd.csv")
+    assert frame["pitch"].tolist() == [0.0, 1.0, 2.0, 5.0]
+    assert [str(finding) for finding in findings] == [
+        "ctd.csv: record 4: found a time that goes backwards (2017-07-14T02:39:10Z), and 2 of 6 records like it; "
+        "expected times that increase; left out"
+    ]
+
+
+def test_one_time_far_ahead_costs_that_record_and_not_all_that_follow() -> None:
+    frame, findings = cleaned(_frame([START, START + 1, START + 1e6, START + 2, START + 3]), "ctd.csv")
+    assert frame["pitch"].tolist() == [0.0, 1.0, 3.0, 4.0]
+    assert len(findings) == 1
+
+
+def test_records_of_one_instant_become_one_that_loses_nothing() -> None:
+    frame = pd.DataFrame(
+        {
+            "time": [START, START + 1, START + 1 + 1e-8, START + 2],
+            "pitch": [0.1, np.nan, 0.2, 0.3],
+            "roll": [1.0, 1.1, 1.2, 1.3],
+        }
+    )
+    found, findings = cleaned(frame, "attitude.csv")
+    assert found["pitch"].tolist() == [0.1, 0.2, 0.3]
+    assert found["roll"].tolist() == [1.0, 1.1, 1.3]
+    assert [str(finding) for finding in findings] == [
+        "attitude.csv: record 3: found a time that repeats (2017-07-14T02:40:01Z); expected one record an instant; "
+        "merged into one record"
+    ]
+
+
+@given(st.lists(st.integers(0, 30), max_size=40))
+def test_what_is_kept_is_in_order_and_as_much_as_can_be(values: list[int]) -> None:
+    kept = np.array(values, dtype=np.int64)[longest_increase(np.array(values, dtype=np.int64))]
+    assert (np.diff(kept) >= 0).all()
+    best = [1] * len(values)
+    for i, value in enumerate(values):
+        best[i] = 1 + max((best[j] for j in range(i) if values[j] <= value), default=0)
+    assert kept.size == max(best, default=0)
+
+
+@given(st.lists(st.one_of(st.floats(), st.floats(1.0e9, 1.1e9)), min_size=1, max_size=40))
+def test_whatever_the_times_the_result_increases_strictly(time: list[float]) -> None:
+    frame, findings = cleaned(_frame(time), "x.csv")
+    assert (np.diff(frame["time"]) > 0).all()
+    assert (len(frame) < len(time)) == bool(findings)

@@ -1,0 +1,417 @@
+"""Plain tables: what is read, what is guessed, what is said about it, and what is refused."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.findings import InputError
+from pipeline.ingest import headers, table, times, units
+from pipeline.mission import Mission, load
+
+START = 1466553600.0  # 2016-06-22 00:00 UTC
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Callable[..., Mission]:
+    """Return how to write files and mission.yaml into a folder."""
+
+    def write(files: dict[str, str | bytes], yaml: str = "") -> Mission:
+        for name, content in files.items():
+            (tmp_path / name).write_bytes(content.encode() if isinstance(content, str) else content)
+        (tmp_path / "mission.yaml").write_text("vehicle: petrel-ii\nlatitude: 45\n" + yaml, encoding="utf-8")
+        return load(tmp_path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("Pressure (dbar)", "pressure", "dbar"),
+        ("pres", "pressure", None),
+        ("P", "pressure", None),
+        ("p", None, None),
+        ("p (dbar)", "pressure", "dbar"),
+        ("depth_m", "depth", "m"),
+        ("z", "depth", None),
+        ("Pitch_deg", "pitch", "deg"),
+        ("PitchDeg", "pitch", "deg"),
+        ("eng_pitchAng", "pitch", None),
+        ("rpm", "propeller_speed", "rpm"),
+        ("unix_time", "time", None),
+        ("time_unix_s", "time", "s"),
+        ("datetime", "time", None),
+        ("temp [°C]", "temperature", "°C"),
+        ("T_degC", "temperature", "degc"),
+        ("WaterTemperature", "temperature", None),
+        ("conductivity_mS_cm", "conductivity", "ms_cm"),
+        ("GPCTD_PRESSURE", "pressure", None),
+        ("sci_water_pressure", "pressure", "bar"),
+        ("speed_through_water_cm_s", "speed_through_water", "cm_s"),
+        ("pressure_qc", "pressure_qc", None),
+        ("AD2CP_PRESSURE", None, None),
+        ("vel_over_ground_N", None, None),
+        ("Pa", None, None),
+        ("q", None, None),
+        ("", None, None),
+    ],
+)
+def test_headers_people_write_are_understood(header: str, name: str | None, unit: str | None) -> None:
+    assert headers.quantity(header) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "expected"),
+    [
+        ("pressure", 1.0, "bar", 10.0),
+        ("pressure", 1013.25, "hPa", 10.1325),
+        ("pressure", 1.0, "MPa", 100.0),
+        ("pressure", 1.0, "kPa", 0.1),
+        ("pressure", 1e4, "Pa", 1.0),
+        ("pressure", 14.503773773, "psi", 10.0),
+        ("temperature", 283.15, "K", 10.0),
+        ("temperature", 50.0, "°F", 10.0),
+        ("conductivity", 42.914, "mS/cm", 4.2914),
+        ("conductivity", 42914.0, "µS/cm", 4.2914),
+        ("conductivity", 4.2914, "S m-1", 4.2914),
+        ("pitch", 180.0, "deg", np.pi),
+        ("pitch", 180.0, "-deg", -np.pi),
+        ("propeller_speed", 780.0, "rpm", 13.0),
+        ("propeller_speed", 13.0, "Hz", 13.0),
+        ("buoyancy_volume", 230.0, "cc", 230e-6),
+        ("buoyancy_volume", 0.23, "L", 230e-6),
+        ("buoyancy_volume", 230.0, "cm³", 230e-6),
+        ("battery_position", 1.0, "in", 0.0254),
+        ("battery_position", 10.0, "mm", 0.01),
+        ("speed_through_water", 35.0, "cm/s", 0.35),
+        ("speed_through_water", 1.0, "kn", 0.514444444),
+        ("propeller_power", 5.0, "W", 5.0),
+        ("latitude", 5442.5, "ddmm", 54.7083333333),
+        ("longitude", -12813.450, "nmea", -128.2241666667),
+    ],
+)
+def test_units_are_converted_to_those_of_the_records(name: str, value: float, unit: str, expected: float) -> None:
+    found = units.convert(np.array([value]), name, unit, "x.csv", "x")
+    assert found[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_unknown_unit_names_the_nearest() -> None:
+    with pytest.raises(InputError) as error:
+        units.convert(np.zeros(1), "pressure", "dbr", "ctd.csv", "P")
+    assert str(error.value) == (
+        "ctd.csv: column 'P': found unit 'dbr' for pressure; expected a unit of pressure; did you mean 'dbar'?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit"),
+    [
+        ("pitch", [-25.0, 25.0], "deg"),
+        ("pitch", [-0.4, 0.4], "rad"),
+        ("heading", [3.0, 350.0], "deg"),
+        ("heading", [0.1, 6.2], "rad"),
+        ("temperature", [283.0, 290.0], "k"),
+        ("conductivity", [42.0, 43.0], "ms/cm"),
+        ("conductivity", [4.2, 4.3], "s/m"),
+        ("conductivity", [42000.0], "us/cm"),
+        ("buoyancy_volume", [-230.0, 230.0], "cm3"),
+        ("buoyancy_volume", [-0.23, 0.23], "l"),
+        ("buoyancy_volume", [-2.3e-4, 2.3e-4], "m3"),
+        ("propeller_speed", [0.0, 780.0], "rpm"),
+        ("propeller_speed", [0.0, 23.3], "rev/s"),
+        ("speed_through_water", [35.0], "cm/s"),
+        ("latitude", [5442.5], "ddmm"),
+        ("pressure", [500.0], "dbar"),
+        ("pitch", [np.nan], "rad"),
+    ],
+)
+def test_a_unit_is_guessed_by_the_range_of_the_values(name: str, values: list[float], unit: str) -> None:
+    assert units.by_range(np.array(values), name) == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "zone", "expected"),
+    [
+        ("2016-06-22T00:00:00Z", "UTC", START),
+        ("2016-06-22 00:00:00", "UTC", START),
+        ("2016-06-22T02:00:00+02:00", "America/New_York", START),
+        ("2016-06-22 02:00:00", "Europe/Berlin", START),
+        ("2016-06-22 00:00:00 UTC", "Europe/Berlin", START),
+        ("2016-06-22T00:00:00.250", "UTC", START + 0.25),
+        ("22/06/2016 00:00:01", "UTC", START + 1),
+        ("06/22/2016 00:00", "UTC", START),
+        ("nonsense", "UTC", np.nan),
+    ],
+)
+def test_times_as_text_become_seconds_of_utc(text: str, zone: str, expected: float) -> None:
+    found = times.textual(pd.Series([text, None], dtype="object"), None, zone, "x.csv", "time")
+    assert found[0] == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    assert np.isnan(found[1])
+
+
+def test_times_with_and_without_zone_may_stand_in_one_column() -> None:
+    texts = pd.Series(["2016-06-22T00:00:00Z", "2016-06-22T02:00:01", "2016-06-22T01:00:02+01:00"])
+    found = times.textual(texts, None, "Europe/Berlin", "x.csv", "time")
+    assert found.tolist() == [START, START + 1, START + 2]
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e3, 1e6, 1e9])
+def test_numeric_times_are_seconds_milliseconds_or_finer_by_their_size(factor: float) -> None:
+    assert times.numeric(np.array([START]) * factor, None, "x.csv", "time")[0] == pytest.approx(START)
+
+
+@given(st.integers(0, 4_000_000_000_000_000))
+def test_a_time_written_to_the_microsecond_is_read_to_the_microsecond(micro: int) -> None:
+    stamp = pd.Timestamp(micro * 1000, tz="UTC")
+    found = times.textual(pd.Series([stamp.isoformat()]), None, "UTC", "x.csv", "time")
+    assert found[0] == pytest.approx(micro * 1e-6, abs=5e-7)
+
+
+def test_day_and_month_that_cannot_be_told_apart_are_refused() -> None:
+    with pytest.raises(InputError) as error:
+        times.textual(pd.Series(["08/09/2020 17:45:56"]), None, "UTC", "gli.csv", "Timestamp")
+    assert str(error.value) == (
+        "gli.csv: column 'Timestamp': found '08/09/2020 17:45:56', where the day cannot be told from the month; "
+        "expected ISO 8601, or the format given as unit; "
+        "for day/month/year: unit: '%d/%m/%Y %H:%M:%S' under files: … time: in mission.yaml"
+    )
+    given_format = times.textual(pd.Series(["08/09/2020 17:45:56"]), "%d/%m/%Y %H:%M:%S", "UTC", "gli.csv", "t")
+    assert given_format[0] == pd.Timestamp("2020-09-08T17:45:56Z").timestamp()
+
+
+def test_times_that_count_from_the_start_are_refused() -> None:
+    with pytest.raises(InputError) as error:
+        times.numeric(np.arange(0.0, 3601.0), None, "ctd.csv", "t")
+    assert str(error.value) == (
+        "ctd.csv: column 't': found times from 0 to 3600 s; expected seconds since 1970-01-01 UTC or ISO 8601 text; "
+        "add the start of the mission to the times"
+    )
+
+
+def test_an_unknown_time_zone_names_the_nearest(make: Callable[..., Mission]) -> None:
+    mission = make({"a.csv": "time,pitch\n2016-06-22,0.1\n"}, "files: {a.csv: {timezone: Europe/Berlim}}\n")
+    with pytest.raises(InputError) as error:
+        table.read(mission)
+    assert str(error.value) == (
+        "mission.yaml: files.a.csv.timezone: found 'Europe/Berlim'; expected an IANA time zone; "
+        "did you mean 'Europe/Berlin'?"
+    )
+
+
+def test_guesses_and_ignored_columns_are_listed(make: Callable[..., Mission]) -> None:
+    logs = table.read(make({"a.csv": f"Timestamp,Pitch,Heading (deg),rpm,Voltage\n{START},-25,350,780,14\n"}))
+    (stream,) = logs.streams
+    assert stream.to_dict("list") == {
+        "time": [START],
+        "pitch": [pytest.approx(np.radians(-25.0))],
+        "heading": [pytest.approx(np.radians(350.0))],
+        "propeller_speed": [pytest.approx(13.0)],
+    }
+    assert [str(finding) for finding in logs.findings] == [
+        "a.csv: found columns that are not read: Voltage",
+        "a.csv: found guessed from header and range: 'Timestamp' is time, 'Pitch' is pitch in deg, "
+        "'Heading (deg)' is heading in deg, 'rpm' is propeller_speed in rpm",
+    ]
+
+
+def test_mission_yaml_decides_over_the_header(make: Callable[..., Mission]) -> None:
+    yaml = """files:
+  a.csv:
+    time: {column: when, unit: ms}
+    columns: {pressure: {column: depth, unit: bar}, pitch: {column: theta, unit: -deg}}
+    ignore: [roll]
+"""
+    logs = table.read(make({"a.csv": f"when,depth,theta,roll\n{START * 1000:.0f},5,25,3\n"}, yaml))
+    (stream,) = logs.streams
+    assert stream.to_dict("list") == {"time": [START], "pressure": [50.0], "pitch": [pytest.approx(np.radians(-25.0))]}
+    assert logs.findings == []
+
+
+def test_a_depth_named_in_mission_yaml_keeps_a_pressure_from_being_guessed(make: Callable[..., Mission]) -> None:
+    logs = table.read(make({"a.csv": f"time,z,P\n{START},9.9,0.03\n"}, "files: {a.csv: {columns: {depth: z}}}\n"))
+    assert logs.streams[0]["pressure"][0] == pytest.approx(9.98, abs=0.02)
+    assert str(logs.findings[0]) == "a.csv: found columns that are not read: P"
+
+
+def test_a_column_that_is_not_there_names_the_nearest(make: Callable[..., Mission]) -> None:
+    mission = make({"a.csv": f"time,Pitch\n{START},1\n"}, "files: {a.csv: {columns: {pitch: Pich}}}\n")
+    with pytest.raises(InputError) as error:
+        table.read(mission)
+    assert str(error.value) == (
+        "a.csv: column 'Pich': found no such column among 'time', 'Pitch'; "
+        "expected the column that mission.yaml names for pitch; did you mean 'Pitch'?"
+    )
+
+
+def test_an_unknown_quantity_names_the_nearest(make: Callable[..., Mission]) -> None:
+    mission = make({"a.csv": f"time,Pitch\n{START},1\n"}, "files: {a.csv: {columns: {pich: Pitch}}}\n")
+    with pytest.raises(InputError) as error:
+        table.read(mission)
+    assert str(error.value) == (
+        "mission.yaml: files.a.csv.columns.pich: found an unknown quantity; did you mean 'pitch'?"
+    )
+
+
+def test_a_file_that_is_not_there_names_the_nearest(make: Callable[..., Mission]) -> None:
+    mission = make({"ctd.csv": f"time,P\n{START},1\n"}, "files: {cdt.csv: {}}\n")
+    with pytest.raises(InputError) as error:
+        table.read(mission)
+    assert str(error.value) == (
+        "mission.yaml: files.cdt.csv: found no such file; expected a file in the mission's folder; "
+        "did you mean 'ctd.csv'?"
+    )
+
+
+def test_an_unknown_unit_in_a_header_costs_that_column(make: Callable[..., Mission]) -> None:
+    logs = table.read(make({"a.csv": f"time,pressure (counts),pitch (deg)\n{START},8000,1\n"}))
+    assert list(logs.streams[0].columns) == ["time", "pitch"]
+    assert str(logs.findings[0]) == (
+        "a.csv: column 'pressure (counts)': found unit 'counts' for pressure; expected a unit of pressure; "
+        "column left out; known: bar, dbar, hpa, kpa, mbar, mpa, pa, psi"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("", "a.csv: found no table; expected a header line and records; file left out"),
+        (b"\x00\x01\x02", "a.csv: found no table; expected a header line and records; file left out"),
+        ("time,pitch\n", "a.csv: found a header and no records; expected records; file left out"),
+        (
+            "clock,pitch\n1,2\n",
+            "a.csv: found no time among the columns 'clock', 'pitch'; expected a time column; "
+            "file left out; name it under files: a.csv: time: in mission.yaml",
+        ),
+        (
+            "time,volts\n1,2\n",
+            "a.csv: found nothing but time known among the columns 'time', 'volts'; expected a measurement; "
+            "file left out; name columns under files: a.csv: columns: in mission.yaml",
+        ),
+    ],
+)
+def test_a_file_that_is_no_table_costs_that_file(make: Callable[..., Mission], content: str | bytes, line: str) -> None:
+    logs = table.read(make({"a.csv": content, "b.csv": f"time,pitch (rad)\n{START},0.1\n"}))
+    assert len(logs.streams) == 1
+    assert line in [str(finding) for finding in logs.findings]
+
+
+def test_broken_lines_and_fields_cost_those_and_are_counted(make: Callable[..., Mission]) -> None:
+    text = f"time,pitch (rad)\n{START},0.1\n{START + 1}\n{START + 2},0.2,7\n{START + 3},x\n{START + 4},\n"
+    logs = table.read(make({"a.csv": text}))
+    np.testing.assert_array_equal(logs.streams[0]["pitch"], [0.1, np.nan, np.nan])
+    assert [str(finding) for finding in logs.findings[:2]] == [
+        "a.csv: found 2 lines with a wrong number of fields, first line 3; "
+        "expected one number or time in each field; those were left out",
+        "a.csv: found 1 of 3 fields of column 'pitch (rad)' that are no number, first 'x'; "
+        "expected one number or time in each field; those were left out",
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time;P;\n1466553600;5.5;\n1466553601;;\n",
+        "time\tP\n1466553600\t5.5\n1466553601\t\n",
+        "\ufeff# made by a logger\n# in the field\ntime,P\n1466553600,5.5\n1466553601,NaN\n",
+        "time,P\nUTC,dbar\n1466553600,5.5\n1466553601,\n",
+        "time;P\n1466553600;5,5\n1466553601;\n",
+        "time   P\n1466553600  5.5\n1466553601  nan\n",
+        '"time","P"\r\n"1466553600","5.5"\r\n"1466553601",""\r\n',
+        "time|P\n2016-06-22T00:00:00Z|5.5\n2016-06-22T00:00:01Z|\n",
+    ],
+)
+def test_separator_decimal_mark_comments_and_unit_lines_are_found_out(make: Callable[..., Mission], text: str) -> None:
+    (stream,) = table.read(make({"a.csv": text})).streams
+    assert stream["time"].tolist() == [START, START + 1]
+    np.testing.assert_array_equal(stream["pressure"], [5.5, np.nan])
+
+
+def test_latin_letters_in_a_header_do_no_harm(make: Callable[..., Mission]) -> None:
+    text = f"time,temp (°C)\n{START},10.5\n".encode("latin-1")
+    assert table.read(make({"a.csv": text})).streams[0]["temperature"].tolist() == [10.5]
+
+
+def test_gzip_is_seen_through_and_a_truncated_one_gives_what_it_holds(make: Callable[..., Mission]) -> None:
+    rows = "".join(f"{START + k},{np.sin(k):.12f}\n" for k in range(5000))
+    packed = gzip.compress(b"time,pitch (rad)\n" + rows.encode())
+    whole = table.read(make({"a.csv.gz": packed}))
+    assert len(whole.streams[0]) == 5000
+    part = table.read(make({"a.csv.gz": packed[: len(packed) // 2]}))
+    assert 1000 < len(part.streams[0]) < 4000
+    assert part.findings[0].found.startswith("an end of the file before its time")
+
+
+def test_parquet_is_read_with_its_own_units_and_zones(make: Callable[..., Mission], tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    frame = pd.DataFrame({"time": pd.to_datetime([START, START + 1], unit="s", utc=True), "P": [1.0, 2.0]})
+    whole = pa.Table.from_pandas(frame)
+    fields = [whole.schema.field("time"), whole.schema.field("P").with_metadata({"unit": "bar"})]
+    pq.write_table(whole.cast(pa.schema(fields)), tmp_path / "ctd.parquet")
+    (stream,) = table.read(make({})).streams
+    assert stream["time"].tolist() == [START, START + 1]
+    assert stream["pressure"].tolist() == [10.0, 20.0]
+
+
+def test_the_truth_of_a_simulation_is_not_read(make: Callable[..., Mission], tmp_path: Path) -> None:
+    pd.DataFrame({"time": [START], "pitch": [0.1]}).to_parquet(tmp_path / "truth.parquet")
+    logs = table.read(make({"a.csv": f"time,pitch (rad)\n{START},0.1\n"}))
+    assert len(logs.streams) == 1
+    assert str(logs.findings[0]) == "truth.parquet: found the truth of a simulation; not read: it is not a log"
+
+
+def test_files_of_one_instrument_that_follow_each_other_are_one_stream_in_one_unit(
+    make: Callable[..., Mission],
+) -> None:
+    logs = table.read(
+        make(
+            {
+                "a.2.csv": f"time,pitch\n{START + 10},-1\n{START + 11},1\n",
+                "a.1.csv": f"time,pitch\n{START},-25\n{START + 1},-26\n",
+            },
+            "files: {'a.*.csv': {}}\n",
+        )
+    )
+    (stream,) = logs.streams
+    assert stream["time"].tolist() == [START, START + 1, START + 10, START + 11]
+    np.testing.assert_allclose(np.degrees(stream["pitch"]), [-25.0, -26.0, -1.0, 1.0])
+
+
+def test_files_of_one_kind_that_overlap_stay_apart(make: Callable[..., Mission]) -> None:
+    text = f"time,pitch (rad)\n{START},0.1\n{START + 1},0.2\n"
+    assert len(table.read(make({"a.csv": text, "b.csv": text})).streams) == 2
+
+
+def test_kolumbo_is_read_through_a_mapping(data: Path, make: Callable[..., Mission]) -> None:
+    content = (data / "slocum/kolumbo2019_hybrid/glider_data.csv").read_bytes()
+    yaml = "files: {glider_data.csv: {columns: {depth: z}, ignore: [lat, lon]}}\n"
+    (stream,) = table.read(make({"glider_data.csv": content}, yaml)).streams
+    assert len(stream) == 614
+    assert stream["pressure"].max() == pytest.approx(351.2, abs=0.5)
+    assert np.degrees(stream["pitch"].quantile(0.25)) == pytest.approx(-25.0, abs=1.0)
+    assert stream["buoyancy_volume"].min() == pytest.approx(-262e-6, abs=3e-6)
+    assert stream["propeller_power"].median() == pytest.approx(5.0, abs=0.2)
+
+
+def test_seaexplorer_text_is_read_through_a_mapping(data: Path, make: Callable[..., Mission]) -> None:
+    files = {path.name: path.read_bytes() for path in sorted((data / "seaexplorer/sea063_ad2cp").glob("*.gz"))}
+    yaml = """files:
+  '*.gli.*.gz': {time: {column: Timestamp, unit: '%d/%m/%Y %H:%M:%S'}, ignore: [Temperature]}
+  '*.pld1.*.gz':
+    time: {column: PLD_REALTIMECLOCK, unit: '%d/%m/%Y %H:%M:%S.%f'}
+    columns: {conductivity: {column: LEGATO_CONDUCTIVITY, unit: mS/cm}}
+"""
+    attitude, ctd = table.read(make(files, yaml)).streams
+    assert (len(attitude), len(ctd)) == (271, 164)
+    assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
+    assert attitude["latitude"].iloc[0] == pytest.approx(55.4897, abs=1e-4)
+    assert ctd["pressure"].iloc[0] == pytest.approx(2.4714)
