@@ -30,14 +30,14 @@ _SLOW = 0.02  # m/s of depth, below which nothing is called a dive or climb
 _LEVEL_WINDOW, _LEVEL_RANGE, _LEVEL_RATE = 120.0, 3.0, 0.05  # s, m, m/s: level flight stays within
 _SURFACE = 2.5  # m
 _NEAR_TURN = 90.0  # s
-_SETTLING = 15.0  # s after a change until flight is steady again
+_SETTLING, _AHEAD = 15.0, 5.0  # s after a change until flight is steady again, and before it
 _ON_SPEED, _ON_POWER = 0.5, 2.0  # rev/s and W: propeller turning
 _LEAST_SAMPLES = 4  # of pressure and of pitch in a block
 
 
 @dataclass(frozen=True)
 class _Limit:
-    """How much a quantity may change between the means of two neighbouring 20 s in steady flight."""
+    """How much a quantity may change within 20 s of steady flight."""
 
     least: float
     share: float
@@ -50,9 +50,9 @@ _LIMITS = {
     "buoyancy_volume": _Limit(3e-6, 0.02),
     "propeller_speed": _Limit(0.5, 0.05),
     "propeller_power": _Limit(1.0, 0.2),
-    "heading": _Limit(0.8, 0.0, circular=True),
+    "heading": _Limit(0.5, 0.0, circular=True),
 }
-_MEAN, _BASE = 20.0, 30.0  # s: means compared, and how far apart
+_MEAN, _BASE = 10.0, 20.0  # s: means compared, and how far apart
 _RATE_CHANGE = (0.05, 0.35)  # m/s, or share of the rate itself
 
 
@@ -245,8 +245,6 @@ def _steady(
     limits: dict[str, float],
 ) -> Mask:
     """Return where flight is steady: nothing changes, nothing has changed just before, and pitch is measured."""
-    from scipy.ndimage import binary_dilation
-
     clock = stretch.time
     if "pitch" not in tracks or tracks["pitch"][0].size < _LEAST_SAMPLES:
         return np.zeros(clock.size, dtype=bool)
@@ -261,9 +259,17 @@ def _steady(
         values = _without_outliers(values, circular=_LIMITS[name].circular)
         drawn = _mean(np.interp(clock, time, values), _MEAN)
         changing |= np.abs(_difference(drawn, _BASE)) > limit
-    settled = ~binary_dilation(changing, np.ones(2 * round(_SETTLING / _STEP) + 1))
+    settled = ~_lasting(changing, _AHEAD, _SETTLING)
     time = tracks["pitch"][0]
     return np.asarray(flying & settled & stretch.covered & _near(clock, time, _gap_limit(time)))
+
+
+def _lasting(mask: Mask, before: float, after: float) -> Mask:
+    """Return where `mask` holds, or will within `before` seconds, or did within `after`."""
+    index = np.arange(mask.size)
+    total = np.r_[0, np.cumsum(mask)]
+    end = np.minimum(index + round(before / _STEP) + 1, mask.size)
+    return np.asarray(total[end] > total[np.maximum(index - round(after / _STEP), 0)])
 
 
 def _without_outliers(values: Array, *, circular: bool) -> Array:
