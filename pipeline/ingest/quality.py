@@ -124,7 +124,9 @@ def temperature_spikes(temperature: Array) -> Mask:
 def stuck(time: Array, values: Array, pressure_time: Array, pressure: Array) -> Mask:
     """Return where `values`, shape (n,), repeat to the last digit while the vehicle moves through the water column.
 
-    At least 25 equal samples over at least 2 minutes, during which pressure changes by 20 dbar or more.
+    At least 25 equal samples over at least 2 minutes, during which pressure changes by 20 dbar or more. A sensor that
+    is so more than half of the time is a coarse one, not a stuck one, unless the vehicle turns from diving to climbing
+    meanwhile.
     """
     out = np.zeros(values.size, dtype=bool)
     if values.size < _STUCK_SAMPLES or pressure.size < 2:
@@ -132,10 +134,13 @@ def stuck(time: Array, values: Array, pressure_time: Array, pressure: Array) -> 
     starts = np.r_[0, np.flatnonzero(np.diff(values) != 0) + 1]
     ends = np.r_[starts[1:], values.size]
     long = (ends - starts >= _STUCK_SAMPLES) & (time[ends - 1] - time[starts] >= _STUCK_SECONDS)
+    coarse = 2 * int((ends - starts)[long].sum()) > values.size
     for start, end in zip(starts[long], ends[long], strict=True):
         during = pressure[slice(*np.searchsorted(pressure_time, (time[start], time[end - 1])))]
-        if during.size > 1 and np.ptp(during) >= _STUCK_DBAR:
-            out[start:end] = True
+        if during.size < 2 or np.ptp(during) < _STUCK_DBAR:
+            continue
+        turn = max(during.max() - max(during[0], during[-1]), min(during[0], during[-1]) - during.min())
+        out[start:end] = not coarse or turn > 0.5 * _STUCK_DBAR
     return out
 
 

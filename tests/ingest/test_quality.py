@@ -76,13 +76,21 @@ def test_argos_spike_test_flags_a_temperature_that_jumps_and_returns_but_no_ther
 
 def test_a_stuck_pitch_is_flagged_where_the_depth_changes() -> None:
     glide = _glide()
-    glide.loc[100:399, "pitch"] = -0.43
+    glide.loc[100:349, "pitch"] = -0.43
     (frame,), findings = quality.checked([glide])
-    assert np.flatnonzero(frame["pitch_qc"] == Quality.BAD).tolist() == list(range(100, 400))
+    assert np.flatnonzero(frame["pitch_qc"] == Quality.BAD).tolist() == list(range(100, 350))
     assert [str(finding) for finding in findings] == [
-        "ctd.csv: pitch, record 101: found 300 values of a stuck sensor, first -0.43 rad; "
+        "ctd.csv: pitch, record 101: found 250 values of a stuck sensor, first -0.43 rad; "
         "expected changes while depth changes; flagged bad and not used"
     ]
+
+
+def test_a_pitch_without_noise_is_not_stuck_unless_it_stays_through_a_turn(fly: Callable[..., object]) -> None:
+    yo = fly([0.0, *[80.0, 5.0] * 2])
+    (frame,), _ = quality.checked([_stream(time=yo.time, pressure=yo.depth, pitch=yo.pitch)])
+    assert (frame["pitch_qc"] == Quality.GOOD).all()
+    (frame,), _ = quality.checked([_stream(time=yo.time, pressure=yo.depth, pitch=-0.4)])
+    assert (frame["pitch_qc"] == Quality.BAD).all()
 
 
 def test_a_pitch_held_while_the_depth_is_held_is_not_stuck() -> None:
