@@ -35,6 +35,8 @@ def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.
     for _key, group in table.groupby(["trim", "quantity", "direction", "powered"], sort=True):
         weights = 1.0 / np.maximum(floats(group, "u_val"), 1e-12) ** 2
         row = combine(group, weights / weights.sum(), settings)
+        if (group["label"] == "circular").all():
+            row["significance"] = math.nan
         rows.append(
             {
                 **_key_of(group, "trim", "quantity", "direction", "powered"),
@@ -98,8 +100,9 @@ def combine(group: pd.DataFrame, weights: Array, settings: Mapping[str, Any] | N
     order = np.argsort(floats(group, "start_s"), kind="stable")
     group, w = group.iloc[order], weights[order]
     sigma, tau = water_of(settings)
+    common = group["common"].to_numpy(dtype=bool)
     noise = _correlated(group, sigma, tau)
-    random = noise.variance(w)
+    random = noise.variance(np.where(common, 0.0, w)) + float(np.sum(w * floats(group, "own_measured") * common)) ** 2
     systematic = measured_systematic = 0.0
     for name in EFFECTS:
         theory = floats(group, f"predicted_{name}")

@@ -33,12 +33,12 @@ EFFECTS = (*SHARED, *ALONE)
 SOLVER = 1e-9
 
 QUANTITIES = {
-    "speed": "speed through water, kinematic estimate",
-    "sensor_speed": "speed through water, by the sensor",
-    "gps_speed": "speed of level flight, by GPS at the ends of submerged legs",
-    "depth_rate": "rate of depth, positive sinking, by the pressure sensor",
-    "pitch": "pitch, by the attitude sensor",
-    "path_angle": "flight-path angle, kinematic estimate",
+    "speed": "speed, kinematic",
+    "sensor_speed": "speed, by the sensor",
+    "gps_speed": "speed, by GPS legs",
+    "depth_rate": "depth rate, + sinking",
+    "pitch": "pitch",
+    "path_angle": "path angle, kinematic",
 }
 
 DIRECTIONS = {-1: "dives", 0: "level flight", 1: "climbs"}
@@ -49,7 +49,7 @@ WATER = {"sigma_w": 0.01, "tau_w": 300.0}
 COLUMNS = (
     *("block", "start_s", "end_s", "dive", "direction", "powered", "trim", "quantity"),
     *("predicted", "measured", "error", "u_num", "u_input", "u_measured", "covariance", "u_val", "significance"),
-    *("label", "why", "own_input", "own_measured", "water_sign"),
+    *("label", "why", "own_input", "own_measured", "water_sign", "common"),
     *(f"predicted_{name}" for name in EFFECTS),
     *(f"measured_{name}" for name in SHARED),
 )
@@ -71,10 +71,13 @@ def independence(quantity: str, *, trim: str, powered: bool, sensor_used: bool) 
         return "independent", "the pressure sensor alone gives the depth rate; the theory has only the inputs"
     if quantity == "pitch":
         return "independent", "the attitude sensor gives the pitch, which this trim does not use"
-    if quantity == "path_angle":
-        if powered:
-            return "shares polar", "path angle and theory use the same lift and drag coefficients"
-        return "circular", "in unpowered flight both sides solve the same closure at the same pitch"
+    if quantity == "path_angle" and not powered:
+        return "circular", "in unpowered flight both sides solve the same closure at the same pitch: E says nothing"
+    if powered:
+        return (
+            "shares polar",
+            "under propeller the angle of attack is only bracketed by the polar; no covariance is subtracted",
+        )
     if sensor_used:
         return "shares polar", "the estimate leans on the speed sensor and the polar; no covariance is subtracted"
     if trim == "pitch":
@@ -160,7 +163,8 @@ def compare(
     -------
     DataFrame
         Columns `COLUMNS`; speeds m/s, angles rad. ``predicted_<name>`` and ``measured_<name>`` are the 1-sigma
-        effects of a named input on either side, with sign; ``own_…`` the rest of the 1-sigma.
+        effects of a named input on either side, with sign; ``own_…`` the rest of the 1-sigma, which on the measured
+        side is the same in all blocks where ``common``.
     """
     used = blocks[blocks["used"].to_numpy(dtype=bool)]
     parts: list[pd.DataFrame] = []
@@ -314,9 +318,12 @@ def _rows(
         "depth_rate": -np.ones(size),
         "speed": np.where(floats(both, "path_angle") > 0, 1.0, -1.0),
     }.get(quantity, np.zeros(size))
+    # A sensor's or the fixes' error is the same in every block; under propeller so is what the polar leaves open.
+    frame["common"] = quantity == "sensor_speed" if quantity != "speed" else both["powered"].to_numpy(dtype=bool)
     labels = {powered: label(quantity, powered=powered) for powered in (False, True)}
     frame["label"] = [labels[flag][0] for flag in frame["powered"]]
     frame["why"] = [labels[flag][1] for flag in frame["powered"]]
+    frame.loc[frame["label"] == "circular", "significance"] = np.nan
     return frame.loc[np.isfinite(floats(frame, "error")) & np.isfinite(floats(frame, "u_val"))]
 
 
@@ -343,6 +350,7 @@ def _gps_row(both: pd.DataFrame, trim: str, theory: _Side, gps: tuple[float, flo
             "quantity": ["gps_speed"],
             **_uncertainties(mean, _Side(np.array([gps[0]]), np.array([gps[1]]))),
             "water_sign": [0.0],
+            "common": [True],
             "label": [word],
             "why": [why],
         }

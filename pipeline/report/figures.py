@@ -84,8 +84,10 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel("speed through water, m/s (bars: 1σ)")
-        axes.margins(x=0.08)
-        figure.legend(loc="outside upper center", ncols=3)
+        axes.set_xlim(left=0.0)
+        handles, labels = axes.get_legend_handles_labels()
+        order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("stable"))
+        figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=5)
         svg = render(figure, "answer")
     words = [
         f"{part['name']}: measured {_value(part['measured_speed_m_s'])}, pitch held {_value(part['held_speed_m_s'])}, "
@@ -133,6 +135,8 @@ def curves(blocks: pd.DataFrame, vehicle: Vehicle, gps: tuple[float, float] | No
             axes.set_xlabel("angle of attack, °")
             axes.set_ylabel(label)
         left.set_ylim(bottom=0.0)
+        low, high = right.get_ylim()
+        right.set_ylim(max(low, -95.0), min(high, 95.0))
         handles, labels = left.get_legend_handles_labels()
         unique = dict(zip(labels, handles, strict=True))
         figure.legend(unique.values(), unique.keys(), loc="outside upper center", ncols=3)
@@ -162,7 +166,7 @@ def _curve(
     centre = [value for value in (*seen, alpha_held) if math.isfinite(value)]
     if not centre:
         return ""
-    limit = min(MAX_ANGLE_OF_ATTACK, max(math.radians(8.0), 1.6 * max(abs(value) for value in centre)))
+    limit = min(MAX_ANGLE_OF_ATTACK, max(math.radians(3.0), 2.2 * max(abs(value) for value in centre)))
     sign = float(np.sign(np.median(centre))) or 1.0
     alpha = (
         np.linspace(sign * math.radians(0.05), sign * limit, 160) if not powered else np.linspace(-limit, limit, 241)

@@ -37,8 +37,8 @@ FREE = ("parasite_drag", "net_buoyancy")
 CORRELATION = 0.95
 CONDITION_DOUBTED = 30.0
 CONDITION_REFUSED = 1000.0
-#: A borrowed value pulled further than this many prior 1-sigma contradicts its prior.
-CONTRADICTION = 2.0
+#: Beyond this many 1-sigma a value contradicts its prior.
+CONTRADICTION = 3.0
 
 LEFT_OUT = ("rmse_before_m_s", "rmse_after_m_s", "speed_rmse_before_m_s", "speed_rmse_after_m_s")
 
@@ -220,7 +220,7 @@ def _result(
         prior_std = math.sqrt(both.covariance[i, i] * inflation)
         parameters.append(
             _parameter(name, model.vehicle, (alone.x[i], std), (both.x[i], prior_std), priors[name])
-            | {"verdict": _verdict(i, apart, free, std, priors[name], data.blocks)}
+            | {"verdict": _verdict(i, apart, free, (alone.x[i], std), priors[name], data.blocks)}
         )
     return {
         "reason": "",
@@ -278,14 +278,23 @@ def _parameter(
 
 
 def _verdict(
-    i: int, apart: Sequence[tuple[int, int]], free: Sequence[str], std: float, prior: float, blocks: pd.DataFrame
+    i: int,
+    apart: Sequence[tuple[int, int]],
+    free: Sequence[str],
+    found: tuple[float, float],
+    prior: float,
+    blocks: pd.DataFrame,
 ) -> str:
+    """Return what the data say of correction `i`, `found` with its 1-sigma."""
     others = [free[b if a == i else a] for a, b in apart if i in (a, b)]
     if others:
         symbols = " and ".join(CORRECTIONS[other].symbol for other in others)
         return f"cannot be told apart from {symbols}; {experiment(free, blocks)}"
+    value, std = found
     if math.isfinite(prior) and std > prior:
         return "not determined: prior decides"
+    if math.isfinite(prior) and abs(value) > CONTRADICTION * math.hypot(std, prior):
+        return "determined by the data, against the prior"
     return "determined by the data"
 
 

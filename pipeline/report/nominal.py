@@ -104,6 +104,8 @@ def table(
             "stable_speed_lower_m_s": theory["range"]["speed_lower"],
             "stable_speed_upper_m_s": theory["range"]["speed_upper"],
             "stable_reason": theory["range"]["reason"],
+            "stable_speed_lower_as_printed_m_s": theory["range_paper"]["speed_lower"],
+            "stable_speed_upper_as_printed_m_s": theory["range_paper"]["speed_upper"],
             **measured(part, blocks, comparison, estimate),
         }
         row |= error(row, comparison)

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.model.steady import trim_at_pitch, trim_sensitivities
+from pipeline.model.sensitivity import sensitivities
+from pipeline.model.steady import trim_at_pitch
 from pipeline.records import seconds
 from pipeline.report.compare import density_of, floats, water_of
 from pipeline.report.covariance import Whitener, water, with_measurement
@@ -109,8 +110,7 @@ class Model:
             propeller_speed=np.nan_to_num(floats(blocks, "propeller_speed")),
             density=density_of(blocks, vehicle),
         )
-        speed = np.asarray(trim.speed, dtype=np.float64)
-        return speed, -speed * np.sin(np.asarray(trim.path_angle, dtype=np.float64))
+        return trim.speed, -trim.speed * np.sin(trim.path_angle)
 
     def slopes(self, blocks: pd.DataFrame, x: Array) -> tuple[Array, Array]:
         """Return the derivatives of speed and depth rate in x, each of shape (n, len(names)), analytic."""
@@ -121,12 +121,12 @@ class Model:
             "density": density_of(blocks, vehicle),
         }
         trim = trim_at_pitch(vehicle, force, pitch, **inputs)
-        derivatives = trim_sensitivities(vehicle, force, pitch, **inputs)
-        speed, path = np.asarray(trim.speed), np.asarray(trim.path_angle)
+        speed, path = trim.speed, trim.path_angle
+        slope = sensitivities("pitch", vehicle, force, speed, path, trim.angle_of_attack, **inputs)
         given = dict(zip(self.names, x, strict=True))
         by_speed, by_rate = np.zeros((len(blocks), x.size)), np.zeros((len(blocks), x.size))
         for column, name in enumerate(self.names):
-            d_speed, d_path = (np.broadcast_to(np.asarray(part), speed.shape) for part in derivatives[name])
+            d_speed, d_path = slope[name].speed, slope[name].path_angle
             # The theory's scale is relative to the corrected propeller, ours to the one in the vehicle file.
             factor = 1.0 / (1.0 + given[name]) if name == "thrust_scale" else 1.0
             by_speed[:, column] = factor * d_speed

@@ -176,7 +176,7 @@ def _mean(row: Mapping[Any, Any]) -> dict[str, Any]:
         "dives": row["dives"],
         "unit": unit,
         **scaled,
-        "relative_error_percent": 100.0 * row["relative_error"],
+        "relative_error_percent": 100.0 * row["relative_error"] if unit == "cm/s" else math.nan,
         "significance": row["significance"],
         "label": row["label"],
         "why": row["why"],
@@ -311,21 +311,21 @@ def _compared(part: Mapping[str, Any]) -> str:
     if not math.isfinite(error):
         error = held - part["measured_speed_m_s"]
         u = math.hypot(part["held_speed_std_m_s"], part["measured_speed_std_m_s"])
-    share = abs(error) / part["measured_speed_m_s"]
-    amount = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s ({100 * share:.0f} %)"
+    share = 100.0 * abs(error) / part["measured_speed_m_s"]
+    amount = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s"
     if abs(error) > SIGNIFICANT * u:
-        verdict = f"which is {amount} too {'fast' if error > 0 else 'slow'} as flown: a significant difference"
+        verdict = f"as flown {amount} ({share:.0f} %) too {'fast' if error > 0 else 'slow'}, which is significant"
     else:
-        verdict = f"which agrees (difference as flown {amount})"
+        verdict = f"which agrees (as flown it is {amount} too {'fast' if error > 0 else 'slow'})"
     words = (
         f"{part['name'].capitalize()}: measured {part['measured_speed_m_s']:.3f} ± {part['measured_speed_std_m_s']:.3f}"
         f" m/s; theory with the measured pitch held predicts {held:.3f} m/s, {verdict}"
     )
     if math.isfinite(part["free_speed_m_s"]):
-        words += (
-            f"; with the pitch left free it predicts {part['free_speed_m_s']:.3f} m/s at {part['free_pitch_deg']:.0f}°"
-        )
-    return words + "."
+        pitch = part["free_pitch_deg"]
+        beyond = ", beyond the vertical" if abs(pitch) > 90.0 else ""
+        words += f"; with the pitch left free it predicts {part['free_speed_m_s']:.3f} m/s at {pitch:.0f}°{beyond}"
+    return words.replace("-", "−") + "."
 
 
 def _fit_words(fitted: Mapping[str, Any]) -> str:

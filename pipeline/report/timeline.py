@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
-import cmocean
 import numpy as np
 import pandas as pd
+from matplotlib import MatplotlibDeprecationWarning
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
 
 from pipeline.records import seconds, usable
 from pipeline.report.compare import floats
@@ -35,6 +37,8 @@ from pipeline.report.drawing import (
 
 #: Dives shown in the figure of flight, from the middle of the mission.
 SHOWN_DIVES = 3
+#: A mission no longer than this is shown whole, s.
+SHOWN_WHOLE = 6 * 3600.0
 #: Coloured points of depth against time at most.
 POINTS = 20_000
 #: A gap in a record longer than this breaks its line, s.
@@ -59,7 +63,7 @@ def water_column(records: pd.DataFrame) -> Picture | None:
             step = max(1, int(np.ceil(warm.sum() / POINTS)))
             points = upper.scatter(
                 hours[warm][::step], depth[warm][::step], c=temperature[warm][::step], s=2.0,
-                cmap=cmocean.cm.thermal, rasterized=True, linewidths=0,
+                cmap=thermal(), rasterized=True, linewidths=0,
             )  # fmt: skip
             figure.colorbar(points, ax=[upper, lower], label="temperature, °C", aspect=30, pad=0.01)
             lower.plot(*thin(*with_gaps(hours[warm], temperature[warm], _gap(unit))), color=MEASURED, linewidth=0.8)
@@ -82,12 +86,22 @@ def water_column(records: pd.DataFrame) -> Picture | None:
     )
 
 
+def thermal() -> Colormap:
+    """Return cmocean's colour map for temperature (Thyng et al. 2016, doi:10.5670/oceanog.2016.66)."""
+    with warnings.catch_warnings():
+        # cmocean 4.0 makes its maps with an argument that matplotlib 3.11 deprecates.
+        warnings.simplefilter("ignore", MatplotlibDeprecationWarning)
+        import cmocean
+    colours: Colormap = cmocean.cm.thermal
+    return colours
+
+
 def window(records: pd.DataFrame) -> tuple[float, float, str]:
     """Return the stretch of time that the figure of flight shows, POSIX s, and what it is in words."""
     time = seconds(records["time"])
     dive = records["dive"].to_numpy()
     dives = np.unique(dive[dive > 0])
-    if dives.size <= SHOWN_DIVES:
+    if dives.size <= SHOWN_DIVES or time[-1] - time[0] <= SHOWN_WHOLE:
         return float(time[0]), float(time[-1]), "the whole mission"
     first = (dives.size - SHOWN_DIVES) // 2
     chosen = dives[first : first + SHOWN_DIVES]

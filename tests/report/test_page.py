@@ -1,0 +1,253 @@
+"""The pages: self-contained, parseable, the same bytes every time, and never without a reason."""
+
+import json
+import math
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from synthetic import SETTINGS, blocks, inputs, level_blocks, stored_model
+
+from pipeline import store
+from pipeline.mission import Mission, Nominal
+from pipeline.report import build, index
+from pipeline.report.page import number, spread
+
+VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "image", "rect", "circle", "line"}
+
+
+class Page(HTMLParser):
+    """Collects what a page loads, its headings and identifiers, and whether its tags close."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+        self.headings: list[int] = []
+        self.identifiers: list[str] = []
+        self.figures: list[str] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "figure":
+            self.figures.append("")
+        if tag == "svg" and "figure" in self.open:
+            self.figures[-1] = (found.get("role") == "img" and found.get("aria-label")) or ""
+        if tag in ("h1", "h2", "h3"):
+            self.headings.append(int(tag[1]))
+        if "id" in found:
+            self.identifiers.append(found["id"])
+        if tag != "a":
+            self.loads += [value for key, value in attributes if key in ("src", "href", "xlink:href") and value]
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"script", "style"} & set(self.open):
+            self.text.append(data)
+
+    @property
+    def words(self) -> str:
+        return " ".join(" ".join(self.text).split())
+
+
+def complete(petrel):
+    """Return the inputs of a mission that has everything."""
+    table = blocks(dives=6, sensor=True, extra_drag=1.0)
+    return inputs(
+        Mission(vehicle="petrel-ii", name="complete", description="All there is, & more <than> that."),
+        petrel,
+        table,
+        stored=stored_model(table, 0.76),
+        estimate={
+            "coverage": {"n": 900, "rmse": 0.011, "bias": -0.002, "coverage95": 0.95},
+            "gps": {
+                "legs": [{"heading_deg": 90.0, "displacement_m": 700.0, "duration_s": 1000.0, "speed": None,
+                          "speed_std": None, "current_east": 0.1, "current_north": 0.0}],
+                "speed": None, "speed_std": None,
+            },
+        },
+        findings=({"severity": "warning", "file": "ctd.csv", "where": "row 7", "found": "a <spike>", "expected": "none",
+                   "remedy": "left out"},),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def built(petrel):
+    return build(complete(petrel))
+
+
+def test_page_parses_and_every_figure_has_an_alternative_text(built):
+    page = Page(built[1])
+    assert page.open == []
+    assert len(page.figures) == 6
+    assert all(len(words) > 40 for words in page.figures)
+
+
+def test_page_is_self_contained_and_identifiers_are_unique(built):
+    page = Page(built[1])
+    assert [item for item in page.loads if not item.startswith(("data:", "#"))] == []
+    assert not re.search(r"url\((?!#)|@import|<script[^>]*src", built[1])
+    assert len(page.identifiers) == len(set(page.identifiers))
+    assert len(built[1]) < 3_000_000
+
+
+def test_headings_are_in_order_and_the_answer_leads(built):
+    page = Page(built[1])
+    assert page.headings[0] == 1
+    assert all(b - a <= 1 for a, b in zip(page.headings, page.headings[1:], strict=False))
+    assert built[1].index('class="answer"') < built[1].index('id="figure-answer"') < built[1].index('id="numbers"')
+
+
+def test_text_from_outside_is_escaped(built):
+    assert "<than>" not in built[1]
+    assert "a &lt;spike&gt;" in built[1]
+
+
+def test_the_same_inputs_give_the_same_bytes_with_no_place_and_no_time(petrel, built, tmp_path):
+    again = build(complete(petrel))
+    assert again[1] == built[1]
+    assert json.dumps(store.plain(again[0])) == json.dumps(store.plain(built[0]))
+    assert str(tmp_path.parent) not in built[1]
+    assert not re.search(r"/(?:home|root|work|tmp|Users)/", built[1] + json.dumps(store.plain(built[0])))
+
+
+def test_summary_is_json_and_says_what_the_page_says(built):
+    summary = json.loads(json.dumps(store.plain(built[0]), allow_nan=False))
+    words = Page(built[1]).words
+    assert summary["answer"]["sentence"] in words
+    assert " ".join(summary["methods"].split()) in words
+    for finding in summary["findings"]:
+        assert finding["found"] in words
+    for line in (*summary["borrowed"], *summary["citations"], *summary["stored_model"]["sentences"]):
+        assert line in words
+    for item in summary["fit"]["parameters"]:
+        assert item["verdict"] in words
+    assert "0" * 32 in words
+
+
+def test_key_numbers_on_the_page_are_those_of_the_summary(built):
+    words = Page(built[1]).words
+    shown = {row["name"]: row for row in built[0]["key_numbers"]}
+    assert shown["RMSE against the speed sensor"]["value"] == pytest.approx(1.1)
+    for row in shown.values():
+        assert row["name"] in words
+    assert "1.10 cm/s 900 samples, held out" in words
+
+
+def test_danjiangkou_page_tells_the_papers_story(petrel):
+    part = Nominal(name="fixed depth 10 m", net_buoyancy=2.5, propeller_speed_rpm=780.0, pitch_deg=3.5,
+                   published_speed=0.62, powered=True)  # fmt: skip
+    mission = Mission(vehicle="petrel-ii", name="danjiangkou", nominal=[part])
+    legs = {"gps": {"legs": [], "speed": 0.62, "speed_std": 0.01}}
+    summary, page = build(inputs(mission, petrel, level_blocks(), observable=False, estimate=legs))
+    words = Page(page).words
+    sentence = summary["answer"]["sentence"]
+    assert sentence in words
+    for part_of_it in ("measured 0.620 ± 0.010 m/s", "predicts 0.615 m/s, which agrees", "0.789 m/s at 77°"):
+        assert part_of_it in sentence
+    assert "this is not exact depth keeping" in words
+    without, page = build(inputs(mission, petrel, level_blocks(), observable=False))
+    assert "depth carries no speed here" in without["answer"]["sentence"]
+    assert "unobservable" in Page(page).words
+
+
+def empties(petrel, unknown):
+    plain = Mission(vehicle="petrel-ii", name="empty")
+    one = blocks(dives=1)
+    return {
+        "no steady block": (inputs(plain, petrel, one.iloc[:0]), "the records hold no stretch of steady flight"),
+        "every block left out": (
+            inputs(plain, petrel, one.assign(used=False, reason="speed unobservable: near level"), observable=False),
+            "speed unobservable: near level",
+        ),
+        "one dive only": (inputs(plain, petrel, one), "one dive only: none can be left out"),
+        "one direction": (inputs(plain, petrel, blocks(sides=(-1,), pitches_deg=(25.0,), spread=0.0)), "refused"),
+        "unknown coefficients": (inputs(plain, unknown, one), "the vehicle file leaves parasite_drag unknown"),
+        "no net buoyancy": (
+            inputs(plain, petrel, one.assign(net_buoyancy=math.nan)), "no steady block with a net buoyancy",
+        ),
+        "unobservable": (
+            inputs(
+                plain, petrel,
+                one.assign(speed=np.nan, speed_std=np.nan, angle_of_attack=np.nan, path_angle=np.nan),
+                observable=False,
+            ),
+            "near level: depth carries no speed",
+        ),
+        "no temperature": (_without(inputs(plain, petrel, one), "temperature"), "down to 500 m"),
+        "no depth": (_without(inputs(plain, petrel, one), "depth", "pressure"), "no depth was measured"),
+    }  # fmt: skip
+
+
+def _without(given, *names):
+    for name in names:
+        given.records[name] = np.nan
+    return given
+
+
+@pytest.mark.parametrize(
+    "case",
+    ["no steady block", "every block left out", "one dive only", "one direction", "unknown coefficients",
+     "no net buoyancy", "unobservable", "no temperature", "no depth"],
+)  # fmt: skip
+def test_what_is_missing_gives_a_page_with_the_reason(petrel, unknown, case):
+    given, reason = empties(petrel, unknown)[case]
+    summary, text = build(given)
+    page = Page(text)
+    assert page.open == []
+    assert reason in page.words + " ".join(page.figures)
+    assert summary["answer"]["sentence"]
+    json.dumps(store.plain(summary), allow_nan=False)
+    assert "nan" not in re.findall(r"[a-z]+", page.words.lower())
+
+
+def test_index_lists_missions_sortable_and_the_failed_with_their_line(petrel, unknown, built):
+    empty = build(empties(petrel, unknown)["no steady block"][0])[0]
+    line = "bad/ctd.csv: found no column of pressure; expected one"
+    rows = [json.loads(json.dumps(store.plain(item))) for item in (built[0], empty)]
+    text = index([*rows, {"mission": "bad", "error": line}])
+    page = Page(text)
+    assert page.open == []
+    assert "2 of 3 missions analysed, 1 failed." in page.words
+    assert line in page.words
+    assert 'href="complete/report.html"' in text
+    assert text.count('aria-sort="none"') == text.count("<button") == 15
+    assert [item for item in page.loads if not item.startswith(("data:", "#"))] == []
+    assert text == index([*rows, {"mission": "bad", "error": line}])
+
+
+def test_index_of_nothing_says_what_to_do():
+    assert "put a folder of logs with a mission.yaml into raw/" in Page(index([])).words
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "sign", "shown"),
+    [(1.2345, 2, False, "1.23"), (-0.5, 1, True, "−0.5"), (0.5, 1, True, "+0.5"), (7, 3, False, "7"),
+     (None, 3, False, "–"), (math.nan, 3, False, "–"), (math.inf, 3, False, "–"), (True, 0, False, "–")],
+)  # fmt: skip
+def test_numbers_have_a_true_minus_and_a_dash_where_there_is_none(value, digits, sign, shown):
+    assert number(value, digits, sign=sign) == shown
+
+
+def test_spread_leaves_out_an_unknown_deviation():
+    assert spread(1.0, math.nan, 1) == "1.0"
+    assert spread(1.0, 0.25, 2) == "1.00 ± 0.25"
+
+
+def test_settings_of_the_estimator_are_in_the_methods(built):
+    assert "1.00 cm/s" in built[0]["methods"]
+    assert f"{SETTINGS['tau_w']:.0f} s" in built[0]["methods"]
