@@ -48,7 +48,11 @@ OBSERVABLE = 0.2
 GATE = 6.0
 ENGINES = ("numba", "filterpy")
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
-SEARCHED = {"sigma_w": 0.3, "tau_w": 0.3, "stratification": 0.7, "depth_noise": 1.0, "current_drift": 1.0}
+SEARCHED = {"sigma_w": 0.3, "stratification": 0.4, "depth_noise": 1.0, "swell": 2.0}
+#: Depth alone cannot show water stiller than this (m/s): a slow change of V looks the same.
+STILL = 0.009
+#: Nor is its own noise (m) believed below this.
+QUIET = 0.005
 #: The likelihood is searched on at most this many records.
 SEARCH_RECORDS = 20_000
 
@@ -209,8 +213,12 @@ def _noise_and_drift(time: np.ndarray, value: np.ndarray, where: np.ndarray) -> 
 
 
 def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, options: _Options) -> Settings:
-    """Return settings with σ and τ of w_w and the drifts at the maximum of likelihood times prior."""
-    names = [name for name in SEARCHED if options.use_fixes or name != "current_drift"]
+    """Return settings with the σ of w_w, swell, noise and drift at the maximum of likelihood times prior.
+
+    How much of the slow change of depth rate is the water's and how much is V's, the likelihood hardly says. So σ of
+    w_w is not believed below `STILL`, and V keeps the freedom it had before: intervals then hold either way.
+    """
+    names = list(SEARCHED)
     median = np.log([getattr(settings, name) for name in names])
     spread = np.array([SEARCHED[name] for name in names])
     part = slice(0, SEARCH_RECORDS)
@@ -219,7 +227,7 @@ def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory,
 
     def cost(u: np.ndarray) -> float:
         trial = replace(settings, **dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
-        problem = linearise(short, polar, trial, along, use_speed=options.use_speed, use_fixes=options.use_fixes)
+        problem = linearise(short, polar, trial, along, use_speed=options.use_speed, use_fixes=False)
         return 0.5 * float(u @ u) - smoother.log_likelihood(problem)
 
     simplex = np.vstack([np.zeros(len(names)), np.eye(len(names))])
@@ -227,9 +235,12 @@ def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory,
         cost,
         simplex[0],
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 150, "xatol": 0.05, "fatol": 0.1},
+        options={"initial_simplex": simplex, "maxfev": 200, "xatol": 0.05, "fatol": 0.1},
     )
-    return replace(settings, **dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True)))
+    found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
+    found |= {"sigma_w": max(found["sigma_w"], STILL), "depth_noise": max(found["depth_noise"], QUIET)}
+    found |= {"stratification": settings.stratification}
+    return replace(settings, **found)
 
 
 def _gate(series: Series, settings: Settings, solution: Solution, findings: list[Finding]) -> Series:

@@ -35,6 +35,7 @@ class Settings:
     tau_w: float = 300.0  # s, its correlation time
     current_drift: float = 7e-7  # m2/s3, random walk of the current
     depth_noise: float = 0.05  # m
+    swell: float = 1e-5  # m2/s, random walk of depth: vertical motion too quick to last, such as waves
     pitch_noise: float = math.radians(0.2)  # rad
     pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
 
@@ -43,7 +44,7 @@ class Settings:
     speed_drift_manoeuvre: float = 3e-3  # m2/s3
     speed_drift_gentle: float = 2e-5  # m2/s3, manoeuvres under steady power
     speed_drift_surface: float = 1e-2  # m2/s3, at the surface: what V was there says nothing about the dive
-    stratification: float = 0.15  # m3/kg, relative change of V per change of density (net buoyancy of 2 to 7 N)
+    stratification: float = 0.2  # m3/kg, relative change of V per change of density: g·volume/2G for G of 1 to 5 N
     pitch_drift_manoeuvre: float = math.radians(1.0) ** 2  # rad2/s
     slip: float = math.radians(0.1)  # rad, 1-sigma of δ in steady unpowered flight
     slip_manoeuvre: float = math.radians(1.0)
@@ -97,7 +98,7 @@ def _fill(
     drifts: tuple[float, float, float, float, float, float, float, float, float],
     water: tuple[float, float],
     slips: tuple[float, float, float, float, float],
-    positions: tuple[float, float, float],
+    positions: tuple[float, float, float, float],
     cruise: tuple[float, float],
     transition: np.ndarray,
     shift: np.ndarray,
@@ -152,7 +153,7 @@ def _fill(
         Q[2, 1] = Q[1, 2] = z_t * q_t * dt * dt / 2.0
         Q[2, 3] = Q[3, 2] = -w_cov
         Q[2, 4] = Q[4, 2] = z_s * s_cov
-        Q[2, 2] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + 1e-6 * dt
+        Q[2, 2] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + positions[3] * dt
         if surfaced[k] or quick:
             Q[2, 2] += positions[2] * dt  # sinking nose up, rising nose down, waves: not the polar's flight
         if n > 5:
@@ -235,7 +236,7 @@ def linearise(
         ),
         (s.sigma_w, s.tau_w),
         (s.slip, s.slip_manoeuvre, s.slip_time, s.slip_time_manoeuvre, s.slip_time_powered),
-        (s.position_drift, s.surface_drift, s.heave_drift),
+        (s.position_drift, s.surface_drift, s.heave_drift, s.swell),
         (s.cruise_drift, s.initial_speed),
         transition,
         shift,
