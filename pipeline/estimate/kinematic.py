@@ -48,7 +48,7 @@ OBSERVABLE = 0.2
 GATE = 6.0
 ENGINES = ("numba", "filterpy")
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
-SEARCHED = {"sigma_w": 0.3, "stratification": 0.4, "depth_noise": 1.0, "swell": 2.0}
+SEARCHED = {"sigma_w": 0.3, "depth_noise": 1.0, "swell": 2.0}
 #: Depth alone cannot show water stiller than this (m/s): a slow change of V looks the same.
 STILL = 0.009
 #: Nor is its own noise (m) believed below this.
@@ -215,8 +215,8 @@ def _noise_and_drift(time: np.ndarray, value: np.ndarray, where: np.ndarray) -> 
 def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, options: _Options) -> Settings:
     """Return settings with the σ of w_w, swell, noise and drift at the maximum of likelihood times prior.
 
-    How much of the slow change of depth rate is the water's and how much is V's, the likelihood hardly says. So σ of
-    w_w is not believed below `STILL`, and V keeps the freedom it had before: intervals then hold either way.
+    How much of the slow change of depth rate is the water's and how much is V's, the likelihood hardly says, so σ of
+    w_w is not believed below `STILL`: intervals then hold either way.
     """
     names = list(SEARCHED)
     median = np.log([getattr(settings, name) for name in names])
@@ -239,7 +239,6 @@ def _likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory,
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
     found |= {"sigma_w": max(found["sigma_w"], STILL), "depth_noise": max(found["depth_noise"], QUIET)}
-    found |= {"stratification": settings.stratification}
     return replace(settings, **found)
 
 
