@@ -7,7 +7,7 @@ import typing
 from pathlib import Path
 from typing import Any, Literal, Union
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from pipeline.findings import InputError, nearest
 
@@ -15,7 +15,7 @@ FILE = "mission.yaml"
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class PitchCorrection(_Strict):
@@ -39,7 +39,7 @@ class Ballast(_Strict):
     @model_validator(mode="after")
     def _one_of(self) -> Ballast:
         if self.volume is not None and self.neutral_density is not None:
-            raise ValueError("give volume or neutral_density, not both")
+            raise ValueError("volume or neutral_density, not both")
         return self
 
 
@@ -109,6 +109,13 @@ class Mission(_Strict):
     nominal: list[Nominal] = Field(default_factory=list, description="published settings and results to compare with")
     folder: Path = Field(Path(), exclude=True)
 
+    @field_validator("dives")
+    @classmethod
+    def _in_order(cls, dives: tuple[int, int] | None) -> tuple[int, int] | None:
+        if dives is not None and dives[0] > dives[1]:
+            raise ValueError("the first dive and the last, in this order")
+        return dives
+
     @property
     def slug(self) -> str:
         """The name under which results are filed."""
@@ -135,19 +142,44 @@ def load(folder: Path) -> Mission:
             remedy="the smallest useful one is 'vehicle: slocum-g2'",
         )
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        content = yaml.safe_load(text)
+        twice = _repeated(yaml.compose(text, Loader=yaml.SafeLoader))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}" if mark else ""
         raise InputError(where, line, found="text that is not YAML", expected="key: value") from error
     if not isinstance(content, dict):
         raise InputError(where, found="no keys", expected="at least 'vehicle: NAME'")
+    if twice is not None:
+        key, number = twice
+        raise InputError(where, f"line {number}", found=f"'{key}' a second time", expected="each key once")
     if "folder" in content:
         raise InputError(where, "folder", found="an unknown key", remedy=nearest("folder", _keys(Mission)))
     try:
         return Mission(**{str(key): value for key, value in content.items()}, folder=folder)
     except ValidationError as error:
         raise _readable(error, where) from error
+
+
+def _repeated(root: Any) -> tuple[str, int] | None:
+    """Return the first key that a mapping anywhere below the YAML node `root` has twice, and its line."""
+    nodes, met = [root], set()
+    while nodes:
+        node = nodes.pop()
+        if id(node) in met or not isinstance(getattr(node, "value", None), list):
+            continue
+        met.add(id(node))
+        if node.id == "sequence":
+            nodes += node.value
+            continue
+        keys = set()
+        for key, value in node.value:
+            if key.id == "scalar" and key.value in keys:
+                return str(key.value), key.start_mark.line + 1
+            keys.add(key.value if key.id == "scalar" else id(key))
+            nodes.append(value)
+    return None
 
 
 def _keys(model: type[BaseModel]) -> list[str]:
@@ -163,13 +195,31 @@ def _readable(error: ValidationError, file: str) -> InputError:
         key = str(first["loc"][-1])
         return InputError(file, place, found="an unknown key", remedy=nearest(key, _keys(_model_at(first["loc"][:-1]))))
     if first["type"] == "missing":
-        return InputError(file, place, found="nothing", expected="a value", remedy=f"add '{place}: …'")
+        add = "" if isinstance(first["loc"][-1], int) else f"add '{place}: …'"
+        return InputError(file, place, found="nothing", expected="a value", remedy=add)
     return InputError(file, place, found=repr(first["input"])[:80], expected=_expectation(first))
 
 
+_PLAINER = {
+    "model_type": "keys and their values",
+    "dict_type": "keys and their values",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "finite_number": "a finite number",
+}
+
+
 def _expectation(complaint: Any) -> str:
-    message: str = complaint["msg"]
-    return message.removeprefix("Input should be ").removeprefix("Value error, ")
+    message: str = complaint["msg"].split(" should have ")[-1]
+    return _PLAINER.get(complaint["type"], message.removeprefix("Input should be ").removeprefix("Value error, "))
 
 
 def _model_at(loc: tuple[int | str, ...]) -> type[BaseModel]:

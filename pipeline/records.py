@@ -213,13 +213,19 @@ def _missing(column: Column) -> Any:
 def seconds(time: pd.Series) -> np.ndarray:
     """Return the column `time` as float seconds since 1970-01-01 UTC, shape (n,)."""
     stamps = pd.DatetimeIndex(time).as_unit("ns").asi8
-    return stamps.astype(np.float64) * 1e-9
+    return np.asarray(stamps // 10**9 + (stamps % 10**9) / 1e9)
+
+
+def microseconds(posix: np.ndarray) -> np.ndarray:
+    """Return POSIX seconds, shape (n,), as whole microseconds; seconds and fraction apart, to lose no digit."""
+    time = np.asarray(posix, dtype=np.float64)
+    whole = np.floor(time)
+    return whole.astype(np.int64) * 10**6 + np.round((time - whole) * 1e6).astype(np.int64)
 
 
 def timestamps(posix: np.ndarray) -> pd.DatetimeIndex:
     """Return POSIX seconds, shape (n,), as UTC time stamps of nanosecond type (microsecond resolution)."""
-    micro = np.round(np.asarray(posix, dtype=np.float64) * 1e6).astype(np.int64)
-    return pd.DatetimeIndex((micro * 1000).view("M8[ns]"), tz="UTC")
+    return pd.DatetimeIndex((microseconds(posix) * 1000).view("M8[ns]"), tz="UTC")
 
 
 def usable(frame: pd.DataFrame, name: str) -> np.ndarray:

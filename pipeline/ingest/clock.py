@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding
+from pipeline.records import microseconds
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -29,7 +30,7 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
     absent = ~np.isfinite(time)
     absurd = ~absent & ((time < EARLIEST) | (time >= LATEST))
     kept = np.flatnonzero(~absent & ~absurd)
-    micro = np.round(time[kept] * 1e6).astype(np.int64)
+    micro = microseconds(time[kept])
     steps = np.diff(micro)
     backwards = np.zeros(0, dtype=np.int64)
     if (steps < 0).any():
@@ -47,9 +48,9 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
         if rows.size:
             findings.append(_finding(name, int(rows[0]), rows.size, len(frame), time, what, expected))
     if kept.size == len(frame) and not repeated.size:
-        result = frame.assign(time=micro * 1e-6)
+        result = frame.assign(time=micro / 1e6)
     else:
-        result = frame.iloc[kept].assign(time=micro * 1e-6)
+        result = frame.iloc[kept].assign(time=micro / 1e6)
         if repeated.size:
             result = _first_of_each(result, micro)
         result = result.reset_index(drop=True)

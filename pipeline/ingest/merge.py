@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.findings import Finding, InputError
 from pipeline.mission import PitchCorrection
-from pipeline.records import Quality
+from pipeline.records import Quality, microseconds
 
 Array = npt.NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def merged(streams: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
     owner = _owners(streams, findings)
     clocks = [_micro(frame) for k, frame in enumerate(streams) if k in set(owner.values())]
     instants = np.unique(np.concatenate(clocks)) if clocks else np.zeros(0, dtype=np.int64)
-    columns: dict[str, npt.NDArray[np.generic]] = {"time": instants * 1e-6}
+    columns: dict[str, npt.NDArray[np.generic]] = {"time": instants / 1e6}
     rows = {k: np.searchsorted(instants, _micro(streams[k])) for k in set(owner.values())}
     for name, k in owner.items():
         values = streams[k][name].to_numpy()
@@ -153,7 +153,7 @@ def _has_ctd(frame: pd.DataFrame) -> int:
 
 
 def _micro(frame: pd.DataFrame) -> npt.NDArray[np.int64]:
-    return np.round(frame["time"].to_numpy(dtype=np.float64) * 1e6).astype(np.int64)
+    return microseconds(frame["time"].to_numpy(dtype=np.float64))
 
 
 def _name(frame: pd.DataFrame, k: int) -> str:
