@@ -33,7 +33,7 @@ class Ingested:
     findings
         What was guessed, skipped, flagged or doubted.
     constants, stored
-        Calibration constants and flight solution from the logs, see `pipeline.ingest.logs.Logs`.
+        Calibration constants of the logs, and their flight solution (`pipeline.records.STORED`) or None.
     format
         ``slocum``, ``seaglider`` or ``table``.
     """
@@ -158,7 +158,19 @@ def ingest(mission: Mission) -> Ingested:
             )
         )
     records = conform(table.assign(time=timestamps(table["time"].to_numpy())), RECORDS)
-    return Ingested(records, findings, logs.constants, logs.stored, form)
+    return Ingested(records, findings, logs.constants, _solution(logs.stored), form)
+
+
+def _solution(stored: pd.DataFrame | None) -> pd.DataFrame | None:
+    """Return a stored flight solution as the table `records.STORED`, in time order."""
+    import numpy as np
+
+    from pipeline.records import STORED, conform, timestamps
+
+    if stored is None:
+        return None
+    ordered = stored[np.isfinite(stored["time"])].sort_values("time", kind="stable")
+    return conform(ordered.assign(time=timestamps(ordered["time"].to_numpy())), STORED)
 
 
 def _reader(form: str) -> ModuleType:
