@@ -72,7 +72,14 @@ def _describe(job: Job, stage: str, mission: Mission) -> dict[str, Any]:
     configuration["vehicle"] = {"name": vehicle.name, "coefficients": store.digest_text(repr(described))}
     if stage == "estimate":
         configuration["engine"] = job.engine
+    if stage == "report":
+        configuration["provenance"] = store.digest_text(repr(_before_report(job)))
     return provenance.key(stage, provenance.digests(files), configuration)
+
+
+def _before_report(job: Job) -> dict[str, Any]:
+    """Return the provenance that the page tells of: that of the stages before the last."""
+    return {stage: entry for stage, entry in provenance.read(job.results).items() if stage != "report"}
 
 
 def perform(job: Job, stage: str, described: Mapping[str, Any]) -> None:
@@ -152,7 +159,6 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.report import Inputs, build
 
     ingested = store.read_json(job.path("ingest.json"))
-    stages = {stage: entry for stage, entry in provenance.read(job.results).items() if stage != "report"}
     summary, page = build(
         Inputs(
             mission=mission,
@@ -164,7 +170,7 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
             stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,
             ingest=ingested,
             estimate=store.read_json(job.path("estimate.json")),
-            provenance={"stages": {**stages, "report": dict(described)}},
+            provenance={"stages": {**_before_report(job), "report": dict(described)}},
         )
     )
     store.write_json(job.path("summary.json"), summary)

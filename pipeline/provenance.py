@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from pathlib import Path
@@ -130,23 +130,18 @@ def is_current(recorded: Mapping[str, Any] | None, described: Mapping[str, Any],
 
 
 def record(folder: Path, stage: str, described: Mapping[str, Any], outputs: Mapping[str, str]) -> None:
-    """Add a stage that has just been run, and drop the record of the stages after it."""
-    stages = read(folder)
-    kept = {name: stages[name] for name in _before(stage) if name in stages}
-    _write(folder, {**kept, stage: {**described, "outputs": dict(outputs)}})
+    """Record a stage that has just been run."""
+    stages = {**read(folder), stage: {**described, "outputs": dict(outputs)}}
+    _write(folder, {name: stages[name] for name in ROOMS if name in stages})
 
 
 def forget(folder: Path, stage: str) -> None:
     """Drop the record of `stage` and of those after it."""
     stages = read(folder)
-    kept = {name: stages[name] for name in _before(stage) if name in stages}
+    order = list(ROOMS)
+    kept = {name: stages[name] for name in order[: order.index(stage)] if name in stages}
     if kept != stages:
         _write(folder, kept)
-
-
-def _before(stage: str) -> Iterable[str]:
-    order = list(ROOMS)
-    return order[: order.index(stage)]
 
 
 def _write(folder: Path, stages: Mapping[str, Any]) -> None:

@@ -149,15 +149,16 @@ def _name(mission: Mission) -> str:
 def inputs(mission: Mission) -> tuple[dict[str, Path], list[str]]:
     """Return the files that are read of a mission, by their place relative to its folder, and the names of the others.
 
-    mission.yaml is in neither.
+    mission.yaml and a vehicle file beside it are in neither.
     """
     from pipeline.ingest import input_files
 
     folder = mission.folder
     files = {Path(os.path.relpath(path, folder)).as_posix(): path for path in input_files(mission)}
-    files.pop(missions.FILE, None)
+    own = {missions.FILE, mission.vehicle}
+    logs = {name: path for name, path in files.items() if name not in own}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    return files, sorted(there - set(files) - {missions.FILE})
+    return logs, sorted(there - set(files) - own)
 
 
 def resolve_vehicle(mission: Mission, constants: Mapping[str, float]) -> Vehicle:

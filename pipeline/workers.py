@@ -23,6 +23,10 @@ ONE_THREAD = dict.fromkeys(
 )
 
 
+#: The process that cleans up after a run that was interrupted or killed need not say that it did.
+NO_CLOSING_WORDS = {"PYTHONWARNINGS": "ignore::UserWarning:multiprocessing.resource_tracker"}
+
+
 class Workers:
     """An executor that is started when first needed and replaced when one of its processes is killed.
 
@@ -62,7 +66,7 @@ def local(count: int) -> Workers:
     """Return workers on this machine, `count` processes that end when this one does."""
 
     def make() -> Executor:
-        os.environ.update(ONE_THREAD)
+        os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
         methods = multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         return ProcessPoolExecutor(count, mp_context=context, initializer=_settle)

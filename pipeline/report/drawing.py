@@ -115,6 +115,7 @@ def render(figure: Figure, name: str) -> str:
     """Return `figure` as inline SVG whose colours follow the page's style sheet and whose bytes do not vary."""
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
+        _settle(figure)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -128,6 +129,14 @@ def render(figure: Figure, name: str) -> str:
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     return re.sub(r"\n\s*\n", "\n", svg)
+
+
+def _settle(figure: Figure) -> None:
+    """Lay out `figure` and round the result: the solver sums in the order of memory addresses, last digits vary."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(tuple(round(bound, 6) for bound in axes.get_position().bounds))
 
 
 def thin(time: Array, values: Array, most: int = MOST) -> tuple[Array, Array]:
