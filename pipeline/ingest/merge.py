@@ -39,7 +39,8 @@ def merged(streams: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
     findings: list[Finding] = []
     owner = _owners(streams, findings)
     clocks = [_micro(frame) for k, frame in enumerate(streams) if k in set(owner.values())]
-    instants = np.unique(np.concatenate(clocks)) if clocks else np.zeros(0, dtype=np.int64)
+    instants = np.sort(np.concatenate(clocks), kind="stable") if clocks else np.zeros(0, dtype=np.int64)
+    instants = instants[np.diff(instants, prepend=-1) > 0]
     columns: dict[str, npt.NDArray[np.generic]] = {"time": instants / 1e6}
     rows = {k: np.searchsorted(instants, _micro(streams[k])) for k in set(owner.values())}
     for name, k in owner.items():
