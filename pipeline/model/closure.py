@@ -15,53 +15,49 @@ from numba import njit
 
 from pipeline.vehicle import Polar
 
+#: The closure is used for glides steeper than this pitch (rad) only, whatever the polar.
+LEAST_PITCH = 0.03
+
 
 @njit(cache=True)
-def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float) -> tuple[float, float, float]:
-    """Return how far α lies from zero lift for a glide on `side`, its slopes in pitch and in ln(drag_0).
+def _pitch_at(polar: Polar, drag_0: float, side: float, b: float) -> tuple[float, float]:
+    """Return pitch and its slope in b of the glide whose α lies b from zero lift, on the `side` of a climb (1)."""
+    alpha = -polar.lift_at_zero / polar.lift_slope - side * b
+    drag = drag_0 + polar.induced_drag * alpha**2
+    lift = polar.lift_slope * b
+    bend = (-2.0 * polar.induced_drag * alpha * side * lift - drag * polar.lift_slope) / (drag**2 + lift**2)
+    return side * math.atan2(drag, lift) + alpha, side * (bend - 1.0)
 
-    With b = |α − α_0| > 0 the closure reads γ(b) = atan(D/(K_L b)), |θ| = γ(b) + side·α_0 − b, which falls
-    monotonically in b: a safeguarded Newton iteration between 0 and the best glide.
-    """
+
+@njit(cache=True)
+def _flattest(polar: Polar, drag_0: float, side: float) -> float:
+    """Return b = |α − α_0| of the flattest glide that is described: the best glide, nose above (below) the horizon."""
     alpha_0 = -polar.lift_at_zero / polar.lift_slope
-    best = math.sqrt((drag_0 + polar.induced_drag * alpha_0**2) / polar.induced_drag)
-    low, high = 0.0, best
-    b = min(best, drag_0 / polar.lift_slope / max(math.tan(min(abs(pitch), 1.5)), 0.1))
-    slope = -1.0
+    b = math.sqrt((drag_0 + polar.induced_drag * alpha_0**2) / polar.induced_drag)
+    while side * _pitch_at(polar, drag_0, side, b)[0] < LEAST_PITCH:
+        b *= 0.9
+    return b
+
+
+@njit(cache=True)
+def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest: float) -> float:
+    """Return b = |α − α_0| of the glide at `pitch`, steeper than the flattest: there |θ| falls monotonically in b."""
+    low, high = 0.0, flattest
+    b = min(flattest, drag_0 / polar.lift_slope / max(math.tan(min(abs(pitch), 1.5)), 0.1))
     for _ in range(60):
-        alpha = alpha_0 - side * b
-        drag = drag_0 + polar.induced_drag * alpha**2
-        lift = polar.lift_slope * b
-        norm = drag**2 + lift**2
-        gap = math.atan2(drag, lift) + side * alpha_0 - b - side * pitch
-        slope = (-2.0 * polar.induced_drag * alpha * side * lift - drag * polar.lift_slope) / norm - 1.0
+        found, slope = _pitch_at(polar, drag_0, side, b)
+        gap = side * (found - pitch)
         if gap > 0.0:
             low = b
         else:
             high = b
-        step = b - gap / slope
+        step = b - gap / (side * slope)
         if not low < step < high:
             step = 0.5 * (low + high)
         if abs(step - b) < 1e-14:
-            b = step
-            break
+            return step
         b = step
-    alpha = alpha_0 - side * b
-    drag = drag_0 + polar.induced_drag * alpha**2
-    lift = polar.lift_slope * b
-    norm = drag**2 + lift**2
-    slope = (-2.0 * polar.induced_drag * alpha * side * lift - drag * polar.lift_slope) / norm - 1.0
-    return b, side / slope, -(lift * drag_0 / norm) / slope
-
-
-@njit(cache=True)
-def _shallowest(polar: Polar, drag_0: float, side: float) -> tuple[float, float]:
-    """Return pitch and angle of attack of the best glide on `side`: the flattest that the closure describes."""
-    alpha_0 = -polar.lift_at_zero / polar.lift_slope
-    b = math.sqrt((drag_0 + polar.induced_drag * alpha_0**2) / polar.induced_drag)
-    alpha = alpha_0 - side * b
-    drag = drag_0 + polar.induced_drag * alpha**2
-    return side * math.atan2(drag, polar.lift_slope * b) + alpha, alpha
+    return b
 
 
 @njit(cache=True)
@@ -86,16 +82,20 @@ def glide_angle(polar: Polar, speed: float, pitch: float) -> tuple[float, float,
         α [rad], ∂α/∂θ [1], ∂α/∂V [rad s/m], and False where the pitch is flatter than the best glide.
     """
     drag_0 = polar.parasite_drag * max(speed, 0.05) ** polar.drag_exponent
-    up_pitch, up_alpha = _shallowest(polar, drag_0, 1.0)
-    down_pitch, down_alpha = _shallowest(polar, drag_0, -1.0)
+    alpha_0 = -polar.lift_at_zero / polar.lift_slope
+    up, down = _flattest(polar, drag_0, 1.0), _flattest(polar, drag_0, -1.0)
+    up_pitch, down_pitch = _pitch_at(polar, drag_0, 1.0, up)[0], _pitch_at(polar, drag_0, -1.0, down)[0]
     if down_pitch < pitch < up_pitch:
-        slope = (up_alpha - down_alpha) / (up_pitch - down_pitch)
-        return down_alpha + slope * (pitch - down_pitch), slope, 0.0, False
+        slope = -(up + down) / (up_pitch - down_pitch)
+        return alpha_0 + down + slope * (pitch - down_pitch), slope, 0.0, False
     side = 1.0 if pitch >= up_pitch else -1.0
-    b, by_pitch, by_log_drag = _glide_lift(polar, drag_0, side, pitch)
-    alpha = -polar.lift_at_zero / polar.lift_slope - side * b
-    by_speed = -side * by_log_drag * polar.drag_exponent / max(speed, 0.05)
-    return alpha, -side * by_pitch, by_speed, True
+    b = _glide_lift(polar, drag_0, side, pitch, up if side > 0.0 else down)
+    slope = _pitch_at(polar, drag_0, side, b)[1]
+    alpha = alpha_0 - side * b
+    drag, lift = drag_0 + polar.induced_drag * alpha**2, polar.lift_slope * b
+    by_drag = side * lift * drag_0 / (drag**2 + lift**2)  # of pitch, per relative change of drag_0
+    by_speed = side * by_drag / slope * polar.drag_exponent / max(speed, 0.05)
+    return alpha, -side / slope, by_speed, True
 
 
 @njit(cache=True)
