@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,7 +118,7 @@ def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> 
 
 def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
     import pyarrow as pa
-    from pyarrow import csv
+    from pyarrow import csv as arrow
 
     broken: list[int] = []
 
@@ -125,13 +126,13 @@ def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[st
         broken.append(row.number or 0)
         return "skip"
 
-    table = csv.read_csv(
+    table = arrow.read_csv(
         path,
-        read_options=csv.ReadOptions(
+        read_options=arrow.ReadOptions(
             use_threads=False, column_names=layout.names, skip_rows=layout.skipped, encoding=layout.encoding
         ),
-        parse_options=csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
-        convert_options=csv.ConvertOptions(
+        parse_options=arrow.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+        convert_options=arrow.ConvertOptions(
             column_types={**dict.fromkeys(numeric, pa.float64()), **dict.fromkeys(textual, pa.string())},
             include_columns=[*textual, *numeric],
             null_values=_MISSING,
@@ -193,7 +194,7 @@ def _open(path: Path) -> Any:
 def _fields(line: str, separator: str) -> list[str]:
     if not separator:
         return line.split()
-    return [field.strip().strip('"') for field in line.split(separator)]
+    return [field.strip() for field in next(csv.reader([line], delimiter=separator))]
 
 
 def is_number(text: str) -> bool:

@@ -334,6 +334,15 @@ def test_separator_decimal_mark_comments_and_unit_lines_are_found_out(make: Call
     np.testing.assert_array_equal(stream["pressure"], [5.5, np.nan])
 
 
+def test_a_quoted_field_may_hold_the_separator_and_broken_lines_are_named_by_their_place(
+    make: Callable[..., Mission],
+) -> None:
+    text = f'# log\ntime,"comment, free",P\n{START},"a, b",5.5\n{START + 1},6.5\n'
+    logs = table.read(make({"a.csv": text}))
+    assert logs.streams[0]["pressure"].tolist() == [5.5]
+    assert logs.findings[1].found == "1 line with a wrong number of fields, first line 4"
+
+
 def test_latin_letters_in_a_header_do_no_harm(make: Callable[..., Mission]) -> None:
     text = f"time,temp (°C)\n{START},10.5\n".encode("latin-1")
     assert table.read(make({"a.csv": text})).streams[0]["temperature"].tolist() == [10.5]
