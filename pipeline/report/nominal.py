@@ -92,6 +92,7 @@ def table(
         row = {
             "name": part.name,
             "source": part.source,
+            "as_set": bool(mission.nominal),
             "net_buoyancy_N": part.net_buoyancy,
             "propeller_speed_rpm": part.propeller_speed_rpm,
             "pitch_deg": math.degrees(pitch),
@@ -108,7 +109,7 @@ def table(
             "stable_speed_upper_as_printed_m_s": theory["range_paper"]["speed_upper"],
             **measured(part, blocks, comparison, estimate),
         }
-        row |= error(row, comparison)
+        row |= error(row, comparison, estimate.get("settings"))
         row["stable_holds_measured"] = _inside(row)
         row["notes"] = notes(part, row)
         rows.append(row)
@@ -159,7 +160,7 @@ def measured(
         (comparison["quantity"] == "speed") & (comparison["trim"] == "pitch") & comparison["block"].isin(own["block"])
     ]
     if len(rows):
-        weights = 1.0 / np.maximum(floats(rows, "u_measured"), 1e-9) ** 2
+        weights = 1.0 / np.maximum(floats(rows, "u_val"), 1e-9) ** 2
         mean = combine(rows, weights / weights.sum(), estimate.get("settings"))
         return out | {
             "measured_speed_m_s": mean["measured"],
@@ -170,8 +171,10 @@ def measured(
     return out | {"measured_reason": _why_not(own, estimate, powered=powered)}
 
 
-def error(row: Mapping[str, Any], comparison: pd.DataFrame) -> dict[str, Any]:
-    """Return E and u_val of theory with the pitch held, as flown in the blocks behind the measured speed."""
+def error(
+    row: Mapping[str, Any], comparison: pd.DataFrame, settings: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return theory with the pitch held, as flown in the blocks behind the measured speed, with E and u_val."""
     quantity = "gps_speed" if row["measured_blocks"] == [-1] else "speed"
     rows = comparison[
         (comparison["trim"] == "pitch")
@@ -179,10 +182,12 @@ def error(row: Mapping[str, Any], comparison: pd.DataFrame) -> dict[str, Any]:
         & comparison["block"].isin(row["measured_blocks"])
     ]
     if rows.empty:
-        return {"error_m_s": math.nan, "u_val_m_s": math.nan, "significance": math.nan, "label": ""}
+        none = dict.fromkeys(("as_flown_speed_m_s", "error_m_s", "u_val_m_s", "significance"), math.nan)
+        return none | {"label": ""}
     weights = 1.0 / np.maximum(floats(rows, "u_val"), 1e-9) ** 2
-    mean = combine(rows, weights / weights.sum())
+    mean = combine(rows, weights / weights.sum(), settings)
     return {
+        "as_flown_speed_m_s": mean["predicted"],
         "error_m_s": mean["error"],
         "u_val_m_s": mean["u_val"],
         "significance": mean["significance"],

@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 from pipeline.records import seconds, usable
 from pipeline.report.compare import DIRECTIONS, floats, water_of
 from pipeline.report.covariance import Noise, water, with_measurement
+from pipeline.report.regression import FLOOR
 
 Array = NDArray[np.float64]
 
 #: A mean difference beyond this many 1-sigma is significant.
 SIGNIFICANT = 2.0
+#: A change with pitch beyond this many 1-sigma is significant: it is looked for in every direction.
+SIGNIFICANT_SLOPE = 3.0
+#: Least blocks, and least standard deviation of their pitch in degrees, for a change with pitch.
+LEAST_BLOCKS = 6
+LEAST_SPREAD_DEG = 0.5
 #: A difference below this, m/s, is of no consequence to anybody.
 NEGLIGIBLE = 0.003
 #: Least stored samples in a block for a mean.
@@ -33,6 +39,7 @@ def check(
     *,
     constants: Mapping[str, float] | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensor: str = "speed sensor",
 ) -> dict[str, Any]:
     """Return how the stored solution differs from the blocks' depth rate and from the speed sensor.
 
@@ -46,6 +53,8 @@ def check(
         The stored coefficients, for the sentence.
     settings
         The estimator's ``sigma_w`` [m/s] and ``tau_w`` [s].
+    sensor
+        What the speed sensor is to be called.
 
     Returns
     -------
@@ -69,7 +78,7 @@ def check(
         "sensor_blocks": _sensor_blocks(used, mean_speed),
         "sensor_instants": _sensor_instants(time, speed, records),
     }
-    result["sentences"] = sentences(result)
+    result["sentences"] = sentences(result, sensor)
     return result
 
 
@@ -100,11 +109,27 @@ def _depth_rates(used: pd.DataFrame, stored: Array, settings: Mapping[str, Any] 
             {
                 "direction": DIRECTIONS[side],
                 **_statistics(difference, noise),
+                **_slope(difference, np.degrees(np.abs(floats(own, "pitch"))), noise),
                 "stored_m_s": float(np.mean(-side * stored[here])),
                 "measured_m_s": float(np.mean(-side * measured[here])),
             }
         )
     return rows
+
+
+def _slope(difference: Array, steepness: Array, noise: Noise) -> dict[str, float]:
+    """Return how the difference changes per degree of pitch, by generalised least squares; NaN where it cannot be had.
+
+    Water in vertical motion does not know the vehicle's pitch, so a change with pitch is the model's.
+    """
+    known = np.isfinite(steepness).all() and difference.size >= LEAST_BLOCKS
+    if not known or float(np.std(steepness)) < LEAST_SPREAD_DEG:
+        return {"per_degree_m_s": math.nan, "per_degree_std_m_s": math.nan}
+    whiten = with_measurement(noise, np.full(difference.size, FLOOR)).whitener()
+    columns = whiten(np.column_stack([np.ones(difference.size), steepness - steepness.mean()]))
+    covariance = np.linalg.inv(columns.T @ columns)
+    slope = covariance @ (columns.T @ whiten(difference))
+    return {"per_degree_m_s": float(slope[1]), "per_degree_std_m_s": math.sqrt(covariance[1, 1])}
 
 
 def _sensor_blocks(used: pd.DataFrame, stored: Array) -> dict[str, Any] | None:
@@ -157,7 +182,7 @@ def _statistics(difference: Array, noise: Noise) -> dict[str, Any]:
     }
 
 
-def sentences(result: Mapping[str, Any]) -> list[str]:
+def sentences(result: Mapping[str, Any], sensor: str) -> list[str]:
     """Return what is significant, in plain words: the depth rate first, then the sensor."""
     named = {key: value for key, value in result["coefficients"].items() if key.startswith("hd_")}
     whose = f" ({', '.join(f'{key} = {value:.4g}' for key, value in sorted(named.items()))})" if named else ""
@@ -173,7 +198,7 @@ def sentences(result: Mapping[str, Any]) -> list[str]:
     if rates:
         found.append(f"with the depth rate: {'; '.join(rates)}")
     if speeds:
-        found.append(f"with the speed sensor: {speeds[0]}")
+        found.append(f"with the {sensor}: {speeds[0]}")
     return [f"The stored coefficients{whose} disagree {', and '.join(found)}."] if found else []
 
 
@@ -182,13 +207,28 @@ def _significant(row: Mapping[str, Any]) -> bool:
 
 
 def _disagrees(row: Mapping[str, Any]) -> bool:
-    """Return whether a depth rate is off on average, or scatters more than the water's motion explains."""
-    return _significant(row) or bool(row["rms_m_s"] > max(SIGNIFICANT * row["expected_rms_m_s"], NEGLIGIBLE))
+    """Return whether a depth rate is off on average, changes with pitch, or scatters more than the water explains."""
+    scatters = row["rms_m_s"] > max(SIGNIFICANT * row["expected_rms_m_s"], NEGLIGIBLE)
+    return _significant(row) or _changes(row) or bool(scatters)
+
+
+def _changes(row: Mapping[str, Any]) -> bool:
+    return bool(abs(row["per_degree_m_s"]) > SIGNIFICANT_SLOPE * row["per_degree_std_m_s"])
 
 
 def _rate_words(row: Mapping[str, Any]) -> str:
+    steeper = ""
+    if _changes(row):
+        way = "slower" if row["per_degree_m_s"] < 0 else "faster"
+        steeper = (
+            f"the steeper the {way}, by {100 * abs(row['per_degree_m_s']):.2f} ± "
+            f"{100 * row['per_degree_std_m_s']:.2f} cm/s per degree of pitch"
+        )
     if _significant(row):
-        return f"{row['direction']} {_amount(row)}, RMS {100 * row['rms_m_s']:.1f} cm/s"
+        words = f"{row['direction']} {_amount(row)}, RMS {100 * row['rms_m_s']:.1f} cm/s"
+        return f"{words}, {steeper}" if steeper else words
+    if steeper:
+        return f"{row['direction']} {steeper}, RMS {100 * row['rms_m_s']:.1f} cm/s"
     return (
         f"{row['direction']} differ by {100 * row['rms_m_s']:.1f} cm/s RMS where the water explains "
         f"{100 * row['expected_rms_m_s']:.1f}"

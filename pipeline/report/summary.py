@@ -48,7 +48,12 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
     )
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(
-        inputs.stored, blocks, inputs.records, constants=inputs.ingest.get("constants"), settings=settings
+        inputs.stored,
+        blocks,
+        inputs.records,
+        constants=inputs.ingest.get("constants"),
+        settings=settings,
+        sensor="speed sensor (ADCP)" if inputs.ingest.get("format") == "seaglider" else "speed sensor",
     )
     summary: dict[str, Any] = {
         "mission": mission.slug,
@@ -308,18 +313,22 @@ def _no_answer(summary: Mapping[str, Any]) -> str:
 def _compared(part: Mapping[str, Any]) -> str:
     """Return one part's comparison as a sentence."""
     held, error, u = part["held_speed_m_s"], part["error_m_s"], part["u_val_m_s"]
+    flown = part["as_flown_speed_m_s"]
     if not math.isfinite(error):
-        error = held - part["measured_speed_m_s"]
+        flown, error = held, held - part["measured_speed_m_s"]
         u = math.hypot(part["held_speed_std_m_s"], part["measured_speed_std_m_s"])
     share = 100.0 * abs(error) / part["measured_speed_m_s"]
-    amount = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s"
+    way = "fast" if error > 0 else "slow"
     if abs(error) > SIGNIFICANT * u:
-        verdict = f"as flown {amount} ({share:.0f} %) too {'fast' if error > 0 else 'slow'}, which is significant"
+        verdict = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s ({share:.0f} %) too {way}"
     else:
-        verdict = f"which agrees (as flown it is {amount} too {'fast' if error > 0 else 'slow'})"
+        verdict = f"in agreement ({100 * abs(error):.1f} ± {100 * u:.1f} cm/s too {way})"
+    predicts = f"predicts {flown:.3f} m/s"
+    if part["as_set"] and abs(held - flown) > 5e-4:
+        predicts = f"predicts {held:.3f} m/s, as flown {flown:.3f}"
     words = (
         f"{part['name'].capitalize()}: measured {part['measured_speed_m_s']:.3f} ± {part['measured_speed_std_m_s']:.3f}"
-        f" m/s; theory with the measured pitch held predicts {held:.3f} m/s, {verdict}"
+        f" m/s; theory with the measured pitch held {predicts}, {verdict}"
     )
     if math.isfinite(part["free_speed_m_s"]):
         pitch = part["free_pitch_deg"]

@@ -50,6 +50,18 @@ def test_a_stored_model_that_is_right_on_average_but_scatters_is_found():
     assert "cm/s RMS where the water explains 0." in sentence
 
 
+def test_a_stored_model_that_goes_wrong_with_pitch_alone_is_found():
+    table = blocks(dives=8, sigma_w=0.004, pitches_deg=(22.0, 26.0, 30.0, 34.0))
+    stored = stored_model(table, 1.0)
+    dive = np.repeat(table["dive"].to_numpy(), 10)
+    off = 0.003 * (np.array([22.0, 26.0, 30.0, 34.0])[(dive - 1) % 4] - 28.0)  # 0.3 cm/s per degree, none on average
+    stored["vertical_speed"] += np.where(stored["vertical_speed"] < 0, 1.0, -1.0) * off
+    result = check(stored, table, _no_sensor(table), settings={"sigma_w": 0.004, "tau_w": 300.0})
+    for row in result["depth_rate"]:
+        assert row["per_degree_m_s"] == pytest.approx(-0.003, rel=0.1)
+    assert "the steeper the slower, by 0.30" in result["sentences"][0]
+
+
 def test_sensor_instants_are_compared_where_the_stored_solution_is_near(mission, petrel):
     table = blocks(dives=1)
     records = inputs(mission, petrel, table).records
@@ -75,3 +87,28 @@ def _no_sensor(table):
     return pd.DataFrame(
         {"time": table["start"], "speed_through_water": np.nan, "speed_through_water_qc": 9}, index=table.index
     )
+
+
+def test_sg171_stored_coefficients_disagree_with_depth_rate_and_adcp(data, tmp_path):
+    from shutil import copy
+
+    from pipeline.estimate.blocks import block_means
+    from pipeline.estimate.kinematic import estimate
+    from pipeline.ingest import ingest
+    from pipeline.mission import load
+    from pipeline.vehicle import load as vehicle
+
+    for file in (data / "seaglider" / "sg171_ekamsat2024").glob("*.nc"):
+        copy(file, tmp_path)
+    (tmp_path / "mission.yaml").write_text("vehicle: seaglider\n")
+    given, glider = ingest(load(tmp_path)), vehicle("seaglider")
+    found = estimate(given.records, glider, load(tmp_path))
+    table, _findings = block_means(given.records, found.estimates, glider, load(tmp_path), given.constants)
+    result = check(given.stored, table, given.records, constants=given.constants, settings=found.report["settings"])
+    (sentence,) = result["sentences"]
+    assert sentence.startswith("The stored coefficients (hd_a = 0.0007079")
+    assert "disagree with the depth rate" in sentence
+    assert "and with the speed sensor: stored speed" in sentence
+    assert "cm/s too slow" in sentence
+    # data/README.md: 8.5 cm/s (24 %) too slow against the ADCP's steady ensembles.
+    assert result["sensor_instants"]["difference_m_s"] == pytest.approx(-0.085, abs=0.012)
