@@ -54,7 +54,8 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd
     """Return the even and odd part of the error in dive and climb pairs.
 
     Of a dive and its climb flown alike, (E_dive + E_climb)/2 holds what drag and lift do and half the difference
-    holds ballast, pitch bias and moving water (`estimation.md` calls them even and odd in dive/climb).
+    holds ballast, pitch bias and moving water. Depth rate and pitch count by their size. Comparisons that are
+    circular are left out.
 
     Returns
     -------
@@ -62,14 +63,15 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd
         One row per trim, quantity and powered: ``dives``, ``even``, ``even_u``, ``odd``, ``odd_u``.
     """
     rows: list[dict[str, Any]] = []
-    for _key, group in table[table["direction"] != 0].groupby(["trim", "quantity", "powered"], sort=True):
+    slanting = table[(table["direction"] != 0) & (table["label"] != "circular")]
+    for _key, group in slanting.groupby(["trim", "quantity", "powered"], sort=True):
         sides = group.groupby("dive")["direction"].nunique()
         paired = group[group["dive"].isin(sides.index[sides == 2])]
         if paired.empty:
             continue
         count = paired.groupby(["dive", "direction"])["error"].transform("size").to_numpy(dtype=np.float64)
         dives = int(paired["dive"].nunique())
-        weights = 0.5 / (count * dives)
+        weights = 0.5 / (count * dives) * _size(paired)
         sign = np.where(paired["direction"].to_numpy() < 0, 1.0, -1.0)
         even, odd = combine(paired, weights, settings), combine(paired, weights * sign, settings)
         rows.append(
@@ -83,6 +85,15 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd
             }
         )
     return pd.DataFrame(rows)
+
+
+def _size(group: pd.DataFrame) -> Array:
+    """Return the sign that turns a quantity into its size: depth rates sink in dives, pitch rises in climbs."""
+    side = np.sign(floats(group, "direction"))
+    quantity = group["quantity"].iloc[0]
+    if quantity == "depth_rate":
+        return -side
+    return side if quantity in ("pitch", "path_angle") else np.ones_like(side)
 
 
 def combine(group: pd.DataFrame, weights: Array, settings: Mapping[str, Any] | None = None) -> dict[str, float]:

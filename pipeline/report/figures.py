@@ -94,13 +94,19 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         f"pitch free {_value(part['free_speed_m_s'])} m/s"
         for part in parts
     ]
+    caption = "Measured speed (blue) beside theory with the measured pitch held (orange diamonds)"
+    if "free_speed" in seen:
+        caption += " and with the pitch left free at α = −K_M0/K_M (purple crosses)"
+    caption += ". Bars are 1σ"
+    if "sensor_speed" in seen:
+        caption += "; green squares: the speed sensor in the same blocks"
+    if "range" in seen:
+        caption += "; the grey bar is the stable range of the paper's inequalities with the pitch left free"
     return Picture(
         "answer",
         svg,
         "Speeds of each part of the mission, measured and by theory. " + "; ".join(words) + ".",
-        "Measured speed (blue) beside theory with the measured pitch held (orange diamonds) and with the pitch left "
-        "free at α = −K_M0/K_M (purple crosses). Bars are 1σ; the grey bar is the stable range of the paper's "
-        "inequalities.",
+        caption + ".",
     )
 
 
@@ -188,8 +194,10 @@ def _curve(
         (right, theory.pitch, pitch_std, 180.0 / math.pi),
     ):
         drawn = np.where(forward, factor * value, np.nan)
+        # Where two steady states meet the slopes go to infinity and say nothing of the band.
+        width = np.where(speed_std < 0.5 * theory.speed, factor * std, np.nan)
         axes.plot(x, drawn, color=HELD, linestyle=line, label=label)
-        axes.fill_between(x, drawn - factor * std, drawn + factor * std, color=HELD, alpha=0.18, linewidth=0)
+        axes.fill_between(x, drawn - width, drawn + width, color=HELD, alpha=0.18, linewidth=0)
     if math.isfinite(speed_held):
         for axes, height in ((left, speed_held), (right, math.degrees(pitch))):
             axes.plot(

@@ -110,6 +110,8 @@ def table(
             **measured(part, blocks, comparison, estimate),
         }
         row |= error(row, comparison, estimate.get("settings"))
+        if not row["as_set"] and math.isfinite(row["as_flown_speed_m_s"]):
+            row["held_speed_m_s"] = row["as_flown_speed_m_s"]
         row["stable_holds_measured"] = _inside(row)
         row["notes"] = notes(part, row)
         rows.append(row)
@@ -240,6 +242,10 @@ def notes(part: Nominal, row: Mapping[str, Any]) -> list[str]:
             f"At a pitch of {row['pitch_deg']:.1f}° and a net buoyancy of {part.net_buoyancy:+.1f} N theory "
             f"{'climbs' if climb > 0 else 'sinks'} at {climb:.1f}°: this is not exact depth keeping."
         )
+    if row["free_reason"]:
+        out.append(f"No theory with the pitch left free: {row['free_reason']}.")
+    if row["held_reason"]:
+        out.append(f"No theory with the pitch held: {row['held_reason']}.")
     return out
 
 

@@ -138,7 +138,7 @@ def _index_row(summary: Mapping[str, Any]) -> dict[str, Any]:
         "part": lead.get("name", ""),
         "measured": lead.get("measured_speed_m_s"),
         "measured_std": lead.get("measured_speed_std_m_s"),
-        "held": lead.get("held_speed_m_s"),
+        "held": lead.get("as_flown_speed_m_s"),
         "error": _hundred(lead.get("error_m_s")),
         "u_val": _hundred(lead.get("u_val_m_s")),
         "significance": lead.get("significance"),

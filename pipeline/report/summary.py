@@ -292,7 +292,7 @@ def _answer(summary: Mapping[str, Any]) -> dict[str, Any]:
     lead = max(known, key=lambda part: part["propeller_speed_rpm"], default=None)
     sentence = _no_answer(summary) if lead is None else _compared(lead)
     more = [_compared(part) for part in known if part is not lead]
-    more += [note for part in summary["parts"] for note in part["notes"]]
+    more += [note for part in summary["parts"] for note in part["notes"] if not note.startswith("No theory")]
     more += [
         f"{part['name'].capitalize()}: speed {part['measured_reason']}."
         for part in summary["parts"]
@@ -322,7 +322,7 @@ def _compared(part: Mapping[str, Any]) -> str:
     if abs(error) > SIGNIFICANT * u:
         verdict = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s ({share:.0f} %) too {way}"
     else:
-        verdict = f"in agreement ({100 * abs(error):.1f} ± {100 * u:.1f} cm/s too {way})"
+        verdict = f"in agreement (E = {100 * error:+.1f} ± {100 * u:.1f} cm/s)"
     predicts = f"predicts {flown:.3f} m/s"
     if part["as_set"] and abs(held - flown) > 5e-4:
         predicts = f"predicts {held:.3f} m/s, as flown {flown:.3f}"
@@ -345,7 +345,7 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     for item in fitted["parameters"]:
         share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
         value = f"{item['symbol']} = {item['value']:+.3g} ± {item['std']:.2g} {item['unit']}{share}"
-        words.append(f"{value}, {item['verdict']}")
+        words.append(f"{value.replace('-', '−')}, {item['verdict']}")
     return f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
 
 

@@ -45,16 +45,22 @@ POINTS = 20_000
 GAP = 120.0
 
 
-def water_column(records: pd.DataFrame) -> Picture | None:
-    """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth."""
-    depth = floats(records, "depth")
-    known = np.isfinite(depth) & usable(records, "pressure")
+def water_column(records: pd.DataFrame, estimates: pd.DataFrame) -> Picture | None:
+    """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth.
+
+    Where the thermometer runs on another clock than the pressure sensor, its points are drawn at the smoothed depth
+    of `estimates`, row by row of the same instants as `records`.
+    """
+    depth = np.where(usable(records, "pressure"), floats(records, "depth"), np.nan)
+    known = np.isfinite(depth)
     if not known.any():
         return None
     time = seconds(records["time"])
     start = float(time[known][0])
     temperature = np.where(usable(records, "temperature"), floats(records, "temperature"), np.nan)
-    warm = known & np.isfinite(temperature)
+    smoothed = len(estimates) == len(records) and bool((~known & np.isfinite(temperature)).any())
+    place = np.where(known, depth, floats(estimates, "depth")) if smoothed else depth
+    warm = np.isfinite(place) & np.isfinite(temperature)
     with style():
         figure = canvas(WIDTH, 4.6 if warm.any() else 2.8)
         hours, unit = clock(time, start)
@@ -62,7 +68,7 @@ def water_column(records: pd.DataFrame) -> Picture | None:
             upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
             step = max(1, int(np.ceil(warm.sum() / POINTS)))
             points = upper.scatter(
-                hours[warm][::step], depth[warm][::step], c=temperature[warm][::step], s=2.0,
+                hours[warm][::step], place[warm][::step], c=temperature[warm][::step], s=2.5,
                 cmap=thermal(), rasterized=True, linewidths=0,
             )  # fmt: skip
             figure.colorbar(points, ax=[upper, lower], label="temperature, °C", aspect=30, pad=0.01)
@@ -76,14 +82,14 @@ def water_column(records: pd.DataFrame) -> Picture | None:
         lower.set_xlabel(since(start, unit))
         lower.margins(x=0.01)
         svg = render(figure, "water")
-    deepest = float(np.max(depth[known]))
-    words = f"Depth against time, down to {deepest:.0f} m"
-    if warm.any():
-        low, high = np.min(temperature[warm]), np.max(temperature[warm])
-        words += f", coloured by temperature from {low:.1f} to {high:.1f} °C"
-    return Picture(
-        "water", svg, words + ".", "Measured depth against time, coloured by measured temperature; below, temperature."
-    )
+    words = f"Depth against time, down to {np.max(depth[known]):.0f} m"
+    if not warm.any():
+        return Picture("water", svg, words + ".", "Measured depth against time; no temperature was measured.")
+    low, high = np.min(temperature[warm]), np.max(temperature[warm])
+    caption = "Measured depth against time, coloured by measured temperature; below, temperature."
+    if smoothed:
+        caption += " Temperature and pressure have clocks of their own: its points are drawn at the smoothed depth."
+    return Picture("water", svg, f"{words}, coloured by temperature from {low:.1f} to {high:.1f} °C.", caption)
 
 
 def thermal() -> Colormap:
@@ -151,7 +157,7 @@ def flight(
         lost = ~guess["observable"].to_numpy(dtype=bool)
         stretches = spans(clock(t_guess, begin)[0], lost, least=scale(unit) * 10.0)
         shade(axes["speed"], stretches[:500], "speed not observable")
-        axes["speed"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, borderaxespad=0.2)
+        axes["speed"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.2, columnspacing=1.4)
         axes[panels[-1]].set_xlabel(since(begin, unit))
         axes[panels[-1]].margins(x=0.01)
         figure.align_ylabels(list(axes.values()))
