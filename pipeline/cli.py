@@ -311,15 +311,13 @@ class Interrupted(BaseException):
 
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong is one line on standard error."""
-    from pipeline.findings import InputError
-
     signal.signal(signal.SIGINT, _interrupt)
     try:
         app()
-    except InputError as error:
-        _end(WRONG, str(error))
-    except OSError as error:
-        _end(WRONG, f"{error.filename or 'seatrial'}: found {error.strerror or error}")
+    except Exception as error:
+        from pipeline.findings import in_one_line
+
+        _end(WRONG, str(in_one_line(error, "seatrial", "command", "please report it")))
     except Interrupted:
         _end(INTERRUPTED, "interrupted; what is finished is kept, and the next run goes on from there")
     raise SystemExit(DONE)

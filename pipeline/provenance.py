@@ -30,8 +30,20 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "report": ("report", "model"),
 }
 
-#: Modules of the ground floor and above that no stage's result depends on.
-OUTSIDE = ("check.py", "cli.py", "datasets.py", "progress.py", "simulate.py", "workers.py")
+#: Modules outside the rooms that no stage's result depends on.
+OUTSIDE = (
+    "check.py",
+    "cli.py",
+    "datasets.py",
+    "instruments.py",
+    "plan.py",
+    "progress.py",
+    "simulate.py",
+    "theory.py",
+    "trials.py",
+    "voyage.py",
+    "workers.py",
+)
 
 #: Libraries that have a say in the numbers or the pages.
 LIBRARIES = (
