@@ -7,7 +7,7 @@
 PYTHON ?= python3
 RAW ?= raw
 VENV := .venv
-PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
+PIP := $(VENV)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --constraint constraints.txt
 
 # Modules are compiled when first used, which takes less time than compiling all that is installed.
 unexport PYTHONDONTWRITEBYTECODE
