@@ -35,7 +35,7 @@ from pipeline.estimate.linearise import (
     Trajectory,
     linearise,
 )
-from pipeline.estimate.series import Series, from_records
+from pipeline.estimate.series import LEVEL, Series, from_records
 from pipeline.estimate.smoother import Problem, Solution
 from pipeline.findings import Finding, nearest
 from pipeline.mission import Mission
@@ -116,7 +116,7 @@ def estimate(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, *, engin
     gated = _gate(series, settings, solution, findings)
     at, solution = _iterate(gated, polar, settings, at, options, 6)
     spread = _left_open(gated, vehicle, mission, settings, at, solution, options)
-    estimates, report = _tabulate(records, gated, polar, solution, spread)
+    estimates, report = _tabulate(records, gated, polar, solution, spread, options)
     report["settings"] = asdict(settings) | {"engine": engine, "pitch_std_deg": mission.pitch.std_deg}
     report["used"] = {"speed_sensor": options.use_speed, "fixes": options.use_fixes}
     return Estimated(estimates, report, findings)
@@ -280,15 +280,18 @@ def _left_open(
 ) -> dict[str, np.ndarray]:
     """Return the change of (V, θ, α, γ, w) when each borrowed coefficient and the pitch bias moves by 1-sigma."""
     base = _angles(series, vehicle.polar, solution)
-    moves = {"pitch": (vehicle.polar, float(np.radians(mission.pitch.std_deg)))}
+
+    def moved(polar: Polar, pitch_shift: float) -> np.ndarray:
+        _, other = _iterate(series, polar, settings, at, options, 2, pitch_shift)
+        return _angles(series, polar, other) - base
+
+    bias = float(np.radians(mission.pitch.std_deg))
+    changes = {"pitch": 0.5 * (moved(vehicle.polar, bias) - moved(vehicle.polar, -bias))}
     for name in ("lift_slope", "parasite_drag", "induced_drag", "lift_at_zero"):
         step = vehicle.std(name)
         if step > 0.0:
-            moves[name] = (vehicle.polar._replace(**{name: getattr(vehicle.polar, name) + step}), 0.0)
-    changes: dict[str, np.ndarray] = {}
-    for name, (polar, shift) in moves.items():
-        _, moved = _iterate(series, polar, settings, at, options, 2, shift)
-        changes[name] = _angles(series, polar, moved) - base
+            value = getattr(vehicle.polar, name) + step
+            changes[name] = moved(vehicle.polar._replace(**{name: value}), 0.0)
     return changes
 
 
@@ -302,7 +305,12 @@ def _angles(series: Series, polar: Polar, solution: Solution) -> np.ndarray:
 
 
 def _tabulate(
-    records: pd.DataFrame, series: Series, polar: Polar, solution: Solution, spread: dict[str, np.ndarray]
+    records: pd.DataFrame,
+    series: Series,
+    polar: Polar,
+    solution: Solution,
+    spread: dict[str, np.ndarray],
+    options: _Options,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return the canonical estimates and the report on them."""
     speed, pitch, alpha, path, water = _angles(series, polar, solution)
@@ -325,7 +333,7 @@ def _tabulate(
         ]
     )
     total = np.sqrt(np.maximum(random, 0.0) + sum(change**2 for change in spread.values()))
-    reason = verdict(series, speed, total[0], steady)
+    reason = verdict(series, speed, total[0], steady, depth_alone=not (options.use_speed or options.use_fixes))
     seen = reason == ""
     hidden = np.where(seen, 1.0, np.nan)
     estimates = pd.DataFrame(
@@ -363,14 +371,30 @@ def _tabulate(
     return estimates, report
 
 
-def verdict(series: Series, speed: np.ndarray, speed_std: np.ndarray, steady: np.ndarray) -> np.ndarray:
-    """Return for every record why its speed is unobservable, or "" where the data determine it; shape (m,)."""
+def verdict(
+    series: Series, speed: np.ndarray, speed_std: np.ndarray, steady: np.ndarray, *, depth_alone: bool
+) -> np.ndarray:
+    """Return for every record why its speed is unobservable, or "" where the data determine it; shape (m,).
+
+    Parameters
+    ----------
+    series
+        Measurements and flags.
+    speed, speed_std
+        Estimated speed and its 1-sigma.
+    steady
+        Where the pitch is steep enough for a glide.
+    depth_alone
+        Neither a speed sensor nor fixes are used: then powered level flight is unobservable whatever the filter says.
+    """
     weak = ~(speed_std <= OBSERVABLE * speed)
+    level = series.powered & (np.abs(series.pitch_guess) < LEVEL)
     reason = np.full(speed.size, "", dtype=object)
     reason[weak] = "the 1-sigma exceeds 20 % of the speed"
     reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
     reason[weak & ~steady] = "near level: depth carries no speed"
-    reason[weak & ~steady & series.powered] = "powered and near level: depth carries no speed and no fixes determine it"
+    reason[level & (weak | depth_alone)] = "powered and near level: depth carries no speed and no fixes determine it"
+    reason[series.unmeasured] = "no depth or no pitch within two minutes"
     reason[series.surfaced] = "at the surface"
     return reason
 

@@ -42,6 +42,7 @@ class Series:
     manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
     gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
+    unmeasured: np.ndarray  # bool: no depth or no pitch within `PAUSE`
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
 
@@ -93,6 +94,7 @@ def from_records(records: pd.DataFrame) -> Series:
         manoeuvre=manoeuvre,
         gentle=gentle,
         surfaced=surfaced,
+        unmeasured=~(_near(time, np.isfinite(depth), PAUSE, PAUSE) & _near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
     )

@@ -1,0 +1,196 @@
+"""The kinematic estimator: against simulated truth, its symmetries, what it must not know, and real sensors."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from truth import Trial
+
+from pipeline.estimate.kinematic import estimate
+from pipeline.records import ESTIMATES, Phase, conform
+
+GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
+TRUE_NAMES = ("speed", "angle_of_attack", "path_angle", "vertical_water_velocity")
+
+
+def short(records: pd.DataFrame, rows: int) -> pd.DataFrame:
+    """Return the first `rows` records of the first dive."""
+    start = int(np.argmax(records["phase"].to_numpy() == Phase.DESCENT))
+    return records.iloc[start : start + rows].reset_index(drop=True)
+
+
+@pytest.mark.parametrize("name", [GLIDING, LEVEL, CLIMBING])
+def test_true_speed_lies_in_the_95_percent_interval_for_90_to_99_percent(
+    trial: Callable[[str], Trial], name: str
+) -> None:
+    case = trial(name)
+    found = case.estimated.estimates
+    seen = found["observable"].to_numpy()
+    gap = np.abs(found["speed"].to_numpy() - case.true("speed"))[seen]
+    inside = np.mean(gap < 1.96 * found["speed_std"].to_numpy()[seen])
+    assert 0.90 <= inside <= 0.99
+    assert seen.mean() > 0.6
+
+
+def test_gliding_speed_and_angle_of_attack_are_as_sharp_as_depth_allows(trial: Callable[[str], Trial]) -> None:
+    """Vertical water velocity of 1 cm/s at −30° leaves 2 cm/s; in steady flight the closure is exact."""
+    case = trial(GLIDING)
+    found = case.estimated.estimates
+    seen = found["observable"].to_numpy()
+    error = {name: (found[name].to_numpy() - case.true(name))[seen] for name in TRUE_NAMES}
+    assert np.sqrt(np.mean(error["speed"] ** 2)) < 0.025
+    assert abs(np.mean(error["speed"])) < 0.01
+    assert np.sqrt(np.mean(error["angle_of_attack"] ** 2)) < np.radians(0.35)
+    assert np.sqrt(np.mean(error["vertical_water_velocity"] ** 2)) < 0.015
+
+
+def test_level_powered_speed_comes_from_the_fixes(trial: Callable[[str], Trial]) -> None:
+    case = trial(LEVEL)
+    gps = case.estimated.report["gps"]
+    held = (np.abs(np.degrees(case.true("pitch")) - 3.5) < 0.5) & (case.records["block"].to_numpy() >= 0)
+    truth = case.true("speed")[held].mean()
+    assert truth == pytest.approx(0.615, abs=0.005)
+    assert abs(gps["speed"] - truth) < 2.5 * gps["speed_std"]
+    assert gps["speed_std"] < 0.02
+    assert len(gps["legs"]) == 8
+
+
+def test_level_powered_speed_without_fixes_is_unobservable_and_nan(trial: Callable[[str], Trial]) -> None:
+    case = trial(LEVEL)
+    blind = estimate(case.records, case.vehicle, case.mission.model_copy(update={"gps": "ignore"})).estimates
+    held = case.records["block"].to_numpy() >= 0
+    assert not blind["observable"][held].any()
+    assert blind.loc[held, ["speed", "speed_std", "angle_of_attack", "path_angle"]].isna().all(axis=None)
+    assert set(blind.loc[held, "reason"]) == {
+        "powered and near level: depth carries no speed and no fixes determine it"
+    }
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1, 3.0])
+def test_a_common_factor_on_all_coefficients_changes_nothing(trial: Callable[[str], Trial], factor: float) -> None:
+    case = trial(CLIMBING)
+    records = short(case.records, 1500)
+    values = {
+        name: case.vehicle[name] * factor for name in ("lift_at_zero", "lift_slope", "parasite_drag", "induced_drag")
+    }
+    before = estimate(records, case.vehicle, case.mission).estimates
+    after = estimate(records, case.vehicle.with_values(values, "scaled"), case.mission).estimates
+    for name in ("speed", "speed_std", "angle_of_attack", "angle_of_attack_std"):
+        np.testing.assert_allclose(after[name], before[name], rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_net_buoyancy_thrust_and_propeller_speed_do_not_reach_the_estimate(trial: Callable[[str], Trial]) -> None:
+    case = trial(CLIMBING)
+    records = short(case.records, 1500)
+    other = records.assign(
+        buoyancy_volume=2.0 * records["buoyancy_volume"] + 1e-4, propeller_speed=1.3 * records["propeller_speed"]
+    )
+    stronger = case.vehicle.with_values({"thrust_static": 1.0, "mass": 99.0, "battery_mass": 3.0}, "changed")
+    before = estimate(records, case.vehicle, case.mission).estimates
+    after = estimate(other, stronger, case.mission).estimates
+    pd.testing.assert_frame_equal(after, before, check_exact=True)
+
+
+def test_a_mission_mirrored_in_depth_and_pitch_gives_mirrored_results(trial: Callable[[str], Trial]) -> None:
+    case = trial(GLIDING)
+    records = short(case.records, 4000)
+    swap = {int(Phase.ASCENT): int(Phase.DESCENT), int(Phase.DESCENT): int(Phase.ASCENT)}
+    mirrored = records.assign(
+        depth=1000.0 - records["depth"], pitch=-records["pitch"], phase=records["phase"].replace(swap).astype("int8")
+    )
+    settings = case.mission.model_copy(update={"gps": "ignore"})
+    before = estimate(records, case.vehicle, settings).estimates
+    after = estimate(mirrored, case.vehicle, settings).estimates
+    np.testing.assert_allclose(after["speed"], before["speed"], rtol=1e-6)
+    np.testing.assert_allclose(after["speed_std"], before["speed_std"], rtol=1e-6)
+    for name in ("angle_of_attack", "path_angle", "pitch", "vertical_water_velocity"):
+        np.testing.assert_allclose(after[name], -before[name], rtol=1e-5, atol=1e-8, err_msg=name)
+
+
+def test_filterpy_gives_the_same_estimates_to_1e9(trial: Callable[[str], Trial]) -> None:
+    case = trial(CLIMBING)
+    records = short(case.records, 400)
+    ours = estimate(records, case.vehicle, case.mission).estimates
+    theirs = estimate(records, case.vehicle, case.mission, engine="filterpy").estimates
+    for name in ("speed", "speed_std", "angle_of_attack", "path_angle", "depth", "vertical_water_velocity"):
+        np.testing.assert_allclose(theirs[name], ours[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_a_held_out_speed_sensor_is_compared_but_not_used(trial: Callable[[str], Trial]) -> None:
+    case = trial(GLIDING)
+    records = short(case.records, 4000)
+    sensor = records.assign(
+        speed_through_water=np.interp(np.arange(4000), [0, 3999], [0.9, 1.1]),
+        speed_through_water_std=0.01,
+        speed_through_water_qc=np.int8(1),
+    )
+    without = estimate(records, case.vehicle, case.mission)
+    checked = estimate(sensor, case.vehicle, case.mission)
+    pd.testing.assert_frame_equal(checked.estimates, without.estimates)
+    assert without.report["coverage"] is None
+    assert checked.report["coverage"]["bias"] < -0.3
+    used = estimate(sensor, case.vehicle, case.mission.model_copy(update={"speed_sensor": "use"}))
+    assert used.estimates["speed"].median() > 0.9
+
+
+def test_a_speed_sensor_of_1_cm_s_gives_speed_to_4_mm_s(trial: Callable[[str], Trial]) -> None:
+    case = trial(GLIDING)
+    truth = case.true("speed")
+    rng = np.random.default_rng(1)
+    sensor = case.records.assign(
+        speed_through_water=truth + 0.01 * rng.standard_normal(truth.size),
+        speed_through_water_std=0.01,
+        speed_through_water_qc=np.int8(1),
+    )
+    found = estimate(sensor, case.vehicle, case.mission.model_copy(update={"speed_sensor": "use"})).estimates
+    steady = case.records["block"].to_numpy() >= 0
+    assert np.sqrt(np.mean((found["speed"] - truth)[steady] ** 2)) < 0.004
+
+
+@pytest.mark.parametrize(
+    "damage", ["one sample", "two samples", "no pitch", "no depth", "gap", "dropouts", "stuck", "spikes"]
+)
+def test_hostile_series_give_finite_numbers_or_nan_with_a_reason(trial: Callable[[str], Trial], damage: str) -> None:
+    case = trial(GLIDING)
+    records = short(case.records, 3000)
+    rng = np.random.default_rng(2)
+    if damage == "one sample":
+        records = records.iloc[:1]
+    elif damage == "two samples":
+        records = records.iloc[:2]
+    elif damage == "no pitch":
+        records = records.assign(pitch=np.nan)
+    elif damage == "no depth":
+        records = records.assign(depth=np.nan, pressure=np.nan)
+    elif damage == "gap":
+        records = pd.concat([records.iloc[:800], records.iloc[2200:]]).reset_index(drop=True)
+    elif damage == "dropouts":
+        keep = rng.random(3000) > 0.4
+        records = records[keep].reset_index(drop=True)
+    elif damage == "stuck":
+        records = records.assign(pitch=records["pitch"].where(records["pitch"].isna(), records["pitch"].median()))
+    else:
+        spike = np.where(rng.random(3000) < 0.01, 100.0, 0.0)
+        records = records.assign(depth=records["depth"] + spike)
+    found = estimate(records, case.vehicle, case.mission).estimates
+    conform(found, ESTIMATES)
+    seen = found["observable"].to_numpy()
+    numbers = found[["speed", "speed_std", "angle_of_attack", "path_angle", "vertical_water_velocity"]].to_numpy()
+    assert np.isfinite(numbers[seen]).all()
+    assert np.isnan(numbers[~seen]).all()
+    assert (found.loc[~seen, "reason"] != "").all()
+    if damage in ("one sample", "two samples", "no pitch", "no depth"):
+        assert not seen.any()
+    else:
+        truth = np.interp(
+            found["time"].astype("int64"), case.truth["time"].astype("int64"), case.truth["speed"].to_numpy()
+        )
+        far = np.abs(found["speed"].to_numpy() - truth)[seen] > 1.96 * found["speed_std"].to_numpy()[seen]
+        assert far.mean() < 0.2
+
+
+def test_an_unknown_engine_is_refused_with_the_nearest_name(trial: Callable[[str], Trial]) -> None:
+    case = trial(GLIDING)
+    with pytest.raises(ValueError, match=r"^engine: found 'filterpi'; did you mean 'filterpy'\?$"):
+        estimate(case.records, case.vehicle, case.mission, engine="filterpi")
