@@ -53,7 +53,7 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         ("sensor_speed", "speed sensor", SENSOR, "s"),
     )
     with style():
-        figure = canvas(WIDTH, 1.35 + 0.95 * len(parts))
+        figure = canvas(7.4, 1.5 + 0.85 * len(parts))
         axes = figure.subplots()
         seen: set[str] = set()
         for row, part in enumerate(parts):
@@ -63,7 +63,7 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
             low, high = part["stable_speed_lower_m_s"], part["stable_speed_upper_m_s"]
             if math.isfinite(low) and math.isfinite(high):
                 axes.plot([low, high], [base - 0.36] * 2, color=VOID, linewidth=4, solid_capstyle="butt",
-                          label=None if "range" in seen else "stable range, Eqs. (27) and (28)")  # fmt: skip
+                          label=None if "range" in seen else "stable range, (27), (28)")  # fmt: skip
                 seen.add("range")
             for place, (key, label, colour, marker) in enumerate(things):
                 value, std = part[f"{key}_m_s"], part[f"{key}_std_m_s"]
@@ -87,7 +87,7 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         axes.set_xlim(left=0.0)
         handles, labels = axes.get_legend_handles_labels()
         order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("stable"))
-        figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=5)
+        figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=2)
         svg = render(figure, "answer")
     words = [
         f"{part['name']}: measured {_value(part['measured_speed_m_s'])}, pitch held {_value(part['held_speed_m_s'])}, "

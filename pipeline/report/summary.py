@@ -344,9 +344,15 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     words = []
     for item in fitted["parameters"]:
         share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
-        value = f"{item['symbol']} = {item['value']:+.3g} ± {item['std']:.2g} {item['unit']}{share}"
+        value = f"{item['symbol']} = {_rounded(item['value'], item['std'])} {item['unit']}{share}"
         words.append(f"{value.replace('-', '−')}, {item['verdict']}")
     return f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
+
+
+def _rounded(value: float, std: float) -> str:
+    """Return value ± 1-sigma with two digits of the latter."""
+    decimals = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 3
+    return f"{value:+.{decimals}f} ± {std:.{decimals}f}"
 
 
 def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from synthetic import SETTINGS, blocks, inputs, level_blocks, stored_model
 from pipeline import store
 from pipeline.mission import Mission, Nominal
 from pipeline.report import build, index
-from pipeline.report.page import number, spread
+from pipeline.report.page import MOST_ROWS, TEMPLATES, number, spread
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "image", "rect", "circle", "line"}
 
@@ -137,6 +137,38 @@ def test_summary_is_json_and_says_what_the_page_says(built):
     for item in summary["fit"]["parameters"]:
         assert item["verdict"] in words
     assert "0" * 32 in words
+
+
+def test_every_number_on_the_page_is_in_the_summary(built):
+    """A number may be rounded, or shown in cm/s; only what a template itself says need not be in the summary."""
+    said = " ".join(path.read_text() for path in sorted(TEMPLATES.glob("*.html")))
+    values, texts = [], [said]
+
+    def collect(item):
+        if isinstance(item, dict):
+            for key, value in item.items():
+                collect(value) if not isinstance(value, str) else texts.append(value)
+                texts.append(str(key))
+        elif isinstance(item, list | tuple):
+            values.append(float(len(item)))
+            for value in item:
+                collect(value)
+        elif isinstance(item, str):
+            texts.append(item)
+        elif isinstance(item, int | float):
+            values.append(float(item))
+
+    collect(json.loads(json.dumps(store.plain(built[0]))))
+    known, texts = np.array(values), " ".join(texts)
+    columns = built[0]["comparison"]["blocks"]
+    counted = sum(a == "pitch" and b != "path_angle" for a, b in zip(columns["trim"], columns["quantity"], strict=True))
+    missing = []
+    for token in set(re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\w)", Page(built[1]).words)):
+        decimals = len(token.partition(".")[2])
+        near = [np.any(np.abs(np.abs(known * scale) - float(token)) <= 0.5001 * 10.0**-decimals) for scale in (1, 100)]
+        if not any(near) and token not in texts and token not in (str(counted), str(MOST_ROWS)):
+            missing.append(token)
+    assert missing == []
 
 
 def test_key_numbers_on_the_page_are_those_of_the_summary(built):
