@@ -32,6 +32,8 @@ from pipeline.report.drawing import (
 )
 from pipeline.vehicle import Vehicle
 
+#: Marks with error bars beyond this many are drawn as an image.
+MOST_MARKS = 400
 LINES = ("-", "--", ":", "-.")
 MARKERS = {-1: "v", 0: "s", 1: "^"}
 
@@ -207,7 +209,7 @@ def _curve(
     if np.isfinite(seen).any():
         look: dict[str, Any] = {
             "color": MEASURED, "marker": MARKERS[side], "markersize": 4, "linestyle": "none", "elinewidth": 0.6,
-            "alpha": 0.75, "label": f"measured, {DIRECTIONS[side]}",
+            "alpha": 0.75, "label": f"measured, {DIRECTIONS[side]}", "rasterized": len(group) > MOST_MARKS,
         }  # fmt: skip
         errors = np.degrees(floats(group, "angle_of_attack_std"))
         left.errorbar(np.degrees(seen), floats(group, "speed"), xerr=errors, yerr=floats(group, "speed_std"), **look)
@@ -243,7 +245,7 @@ def agreement(comparison: pd.DataFrame) -> Picture | None:
                     continue
                 look: dict[str, Any] = {
                     "color": colour, "marker": marker, "markersize": 4, "linestyle": "none", "elinewidth": 0.6,
-                    "alpha": 0.8, "label": f"{label}, {DIRECTIONS[side]}",
+                    "alpha": 0.8, "label": f"{label}, {DIRECTIONS[side]}", "rasterized": len(rows) > MOST_MARKS,
                 }  # fmt: skip
                 own = rows[here]
                 left.errorbar(
@@ -309,9 +311,10 @@ def fitted(fit: Mapping[str, Any]) -> Picture | None:
         ):
             values = 100 * np.asarray(residuals[key], dtype=np.float64)
             errors = 100 * np.asarray(residuals["std_m_s"], dtype=np.float64) if key == "after_m_s" else None
+            label = f"{label}, RMS {np.sqrt(np.mean(values**2)):.2f} cm/s"
             right.errorbar(
                 hours, values, yerr=errors, color=colour, marker=marker, markersize=4, linestyle="none",
-                elinewidth=0.6, alpha=0.85, label=f"{label}, RMS {np.sqrt(np.mean(values**2)):.2f} cm/s",
+                elinewidth=0.6, alpha=0.85, rasterized=time.size > MOST_MARKS, label=label,
             )  # fmt: skip
         right.axhline(0.0, color=INK, linewidth=0.9, linestyle="--")
         right.set_ylabel("measured − predicted depth rate, cm/s")

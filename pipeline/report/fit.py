@@ -200,11 +200,11 @@ def _result(
     condition: float,
 ) -> dict[str, Any]:
     """Return the fit for summary.json, without the dives left out."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     count = len(free)
     freedom = data.size - count
-    excessive = freedom > 0 and alone.chi_square > float(chi2.ppf(0.975, freedom))
+    excessive = freedom > 0 and alone.chi_square > float(chdtri(freedom, 0.025))
     inflation = alone.chi_square / freedom if excessive else 1.0
     covariance = alone.covariance[:count, :count] * inflation
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
@@ -291,7 +291,7 @@ def _verdict(
         symbols = " and ".join(CORRECTIONS[other].symbol for other in others)
         return f"cannot be told apart from {symbols}; {experiment(free, blocks)}"
     value, std = found
-    if math.isfinite(prior) and std > prior:
+    if math.isfinite(prior) and std > prior and abs(value) < CONTRADICTION * std:
         return "not determined: prior decides"
     if math.isfinite(prior) and abs(value) > CONTRADICTION * math.hypot(std, prior):
         return "determined by the data, against the prior"

@@ -298,7 +298,9 @@ def _answer(summary: Mapping[str, Any]) -> dict[str, Any]:
         for part in summary["parts"]
         if part["measured_reason"]
     ]
-    return {"sentence": sentence, "more": [*more, _fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]}
+    more += _even_words(summary["comparison"]["even_odd"])
+    more += [_fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]
+    return {"sentence": sentence, "more": more}
 
 
 def _no_answer(summary: Mapping[str, Any]) -> str:
@@ -337,6 +339,21 @@ def _compared(part: Mapping[str, Any]) -> str:
     return words.replace("-", "−") + "."
 
 
+def _even_words(rows: list[dict[str, Any]]) -> list[str]:
+    """Return what the even part of the speed's error says, where dives and climbs were flown alike."""
+    out = []
+    for row in rows:
+        if row["trim"] != "pitch" or row["quantity"] != "speed" or row["powered"]:
+            continue
+        way = "fast" if row["even"] > 0 else "slow"
+        verdict = "significant" if abs(row["even"]) > SIGNIFICANT * row["even_u"] else "not significant"
+        out.append(
+            f"Averaged over dive and climb, where ballast and moving water cancel, theory with the measured pitch held "
+            f"is {abs(row['even']):.1f} ± {row['even_u']:.1f} cm/s too {way}: {verdict}."
+        )
+    return out
+
+
 def _fit_words(fitted: Mapping[str, Any]) -> str:
     """Return what the fit says, as a sentence."""
     if fitted["reason"]:
@@ -346,7 +363,12 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
         share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
         value = f"{item['symbol']} = {_rounded(item['value'], item['std'])} {item['unit']}{share}"
         words.append(f"{value.replace('-', '−')}, {item['verdict']}")
-    return f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
+    sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
+    strained = [item for item in fitted["borrowed"] if item["verdict"] == "contradicts its prior"]
+    if strained:
+        pulls = ", ".join(f"{item['symbol']} by {abs(item['pull_std']):.1f}σ" for item in strained)
+        sentence += f" It strains what it borrowed ({pulls}): the theory's shape does not fit these data."
+    return sentence
 
 
 def _rounded(value: float, std: float) -> str:

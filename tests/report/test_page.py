@@ -247,6 +247,11 @@ def test_what_is_missing_gives_a_page_with_the_reason(petrel, unknown, case):
     assert "nan" not in re.findall(r"[a-z]+", page.words.lower())
 
 
+def test_a_mission_of_many_blocks_is_still_a_small_page(petrel, mission):
+    table = blocks(dives=60, each=4, sensor=True)
+    assert len(build(inputs(mission, petrel, table))[1]) < 3_000_000
+
+
 def test_index_lists_missions_sortable_and_the_failed_with_their_line(petrel, unknown, built):
     empty = build(empties(petrel, unknown)["no steady block"][0])[0]
     line = "bad/ctd.csv: found no column of pressure; expected one"
