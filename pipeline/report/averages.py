@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.report.compare import EFFECTS, SHARED, floats, water_of
-from pipeline.report.covariance import Noise, water
+from pipeline.report.compare import EFFECTS, SHARED, floats
+from pipeline.report.covariance import Noise, water, water_of
 
 Array = NDArray[np.float64]
 

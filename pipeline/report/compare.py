@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.model.steady import trim_sensitivities
 from pipeline.records import TRIMS, seconds
-from pipeline.report.covariance import water
+from pipeline.report.covariance import water, water_of
 from pipeline.vehicle import Polar, Vehicle
 
 Array = NDArray[np.float64]
@@ -42,9 +42,6 @@ QUANTITIES = {
 }
 
 DIRECTIONS = {-1: "dives", 0: "level flight", 1: "climbs"}
-
-#: Default strength and correlation time of the vertical water velocity where the estimator gives none.
-WATER = {"sigma_w": 0.01, "tau_w": 300.0}
 
 COLUMNS = (
     *("block", "start_s", "end_s", "dive", "direction", "powered", "trim", "quantity"),
@@ -383,16 +380,6 @@ def _uncertainties(theory: _Side, measured: _Side) -> dict[str, Array]:
         **{f"predicted_{name}": theory.effect(name) for name in EFFECTS},
         **{f"measured_{name}": measured.effect(name) for name in SHARED},
     }
-
-
-def water_of(settings: Mapping[str, Any] | None) -> tuple[float, float]:
-    """Return σ_w [m/s] and τ_w [s] of the estimator, or their defaults."""
-    given = settings or {}
-    out = []
-    for name, default in WATER.items():
-        value = given.get(name)
-        out.append(float(value) if isinstance(value, int | float) and math.isfinite(value) else default)
-    return out[0], out[1]
 
 
 def density_of(blocks: pd.DataFrame, vehicle: Vehicle) -> Array:

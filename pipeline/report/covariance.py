@@ -6,7 +6,10 @@ stands between a measured depth rate and the depth rate through water, and block
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +18,9 @@ Array = NDArray[np.float64]
 
 #: Beyond this many correlation times two blocks are taken as independent (correlation below 1e-5).
 REACH = 12.0
+
+#: Default strength and correlation time of the vertical water velocity where the estimator gives none.
+WATER = {"sigma_w": 0.01, "tau_w": 300.0}
 
 
 @dataclass(frozen=True)
@@ -125,3 +131,13 @@ def with_measurement(noise: Noise, std: ArrayLike) -> Noise:
     band = noise.band.copy()
     band[0] += np.square(np.asarray(std, dtype=np.float64))
     return Noise(band)
+
+
+def water_of(settings: Mapping[str, Any] | None) -> tuple[float, float]:
+    """Return σ_w [m/s] and τ_w [s] of the estimator, or their defaults."""
+    given = settings or {}
+    out = []
+    for name, default in WATER.items():
+        value = given.get(name)
+        out.append(float(value) if isinstance(value, int | float) and math.isfinite(value) else default)
+    return out[0], out[1]

@@ -133,10 +133,11 @@ def measured(
 ) -> dict[str, Any]:
     """Return the speed and pitch measured in this part, from where, or why not."""
     powered = part.propeller_speed_rpm > 0 if part.powered is None else part.powered
-    where = blocks["used"].to_numpy(dtype=bool) & (blocks["powered"].to_numpy(dtype=bool) == powered)
+    kind = blocks["powered"].to_numpy(dtype=bool) == powered
     if part.direction is not None:
-        where &= blocks["direction"].to_numpy() == SIDES[part.direction]
-    own = blocks[where]
+        kind &= blocks["direction"].to_numpy() == SIDES[part.direction]
+    flown = blocks[kind]
+    own = flown[flown["used"].to_numpy(dtype=bool)]
     pitches = floats(own, "pitch")
     out: dict[str, Any] = {
         "blocks": len(own),
@@ -170,7 +171,7 @@ def measured(
             "measured_blocks": rows["block"].tolist(),
             "measured_from": f"kinematic estimate, {len(rows)} steady blocks",
         }
-    return out | {"measured_reason": _why_not(own, estimate, powered=powered)}
+    return out | {"measured_reason": _why_not(flown, own)}
 
 
 def error(
@@ -211,13 +212,16 @@ def _sensor(own: pd.DataFrame, comparison: pd.DataFrame) -> dict[str, float]:
     return {"sensor_speed_m_s": mean["measured"], "sensor_speed_std_m_s": mean["measured_std"]}
 
 
-def _why_not(own: pd.DataFrame, estimate: Mapping[str, Any], *, powered: bool) -> str:
-    if own.empty:
+def _why_not(flown: pd.DataFrame, own: pd.DataFrame) -> str:
+    """Return why there is no measured speed in the blocks `flown` in this part, of which `own` are used."""
+    if flown.empty:
         return "unobservable: no steady block of this kind"
+    if own.empty:
+        reasons = flown["reason"].astype(str).value_counts(sort=False).sort_index()
+        reason = str(reasons.idxmax()).removeprefix("speed unobservable: ")
+        return f"unobservable: {reason}" if reason else "unobservable: no reason given"
     if not np.isfinite(floats(own, "speed")).any():
-        if powered:
-            return "unobservable: depth carries no speed here, and neither GPS legs nor a speed sensor say otherwise"
-        return "unobservable: the blocks are too flat for depth to carry speed"
+        return "unobservable: depth carries no speed here, and neither GPS legs nor a speed sensor say otherwise"
     return "no theory to compare with"
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from pipeline.model.sensitivity import sensitivities
 from pipeline.model.steady import trim_at_pitch
 from pipeline.records import seconds
-from pipeline.report.compare import density_of, floats, water_of
-from pipeline.report.covariance import Whitener, water, with_measurement
+from pipeline.report.compare import density_of, floats
+from pipeline.report.covariance import Whitener, water, water_of, with_measurement
 from pipeline.vehicle import Vehicle
 
 Array = NDArray[np.float64]

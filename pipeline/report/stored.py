@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.records import seconds, usable
-from pipeline.report.compare import DIRECTIONS, floats, water_of
-from pipeline.report.covariance import Noise, water, with_measurement
+from pipeline.report.compare import DIRECTIONS, floats
+from pipeline.report.covariance import Noise, water, water_of, with_measurement
 from pipeline.report.regression import FLOOR
 
 Array = NDArray[np.float64]

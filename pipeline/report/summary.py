@@ -11,14 +11,13 @@ import pandas as pd
 
 from pipeline.records import TRIMS, seconds, timestamps
 from pipeline.report import averages, compare, fit, methods, nominal, stored
+from pipeline.report.answer import answer
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
 
-#: |E|/u_val beyond which a difference is called significant.
-SIGNIFICANT = 2.0
 TRIM_WORDS = {
     "pitch": "measured pitch held",
     "battery": "moment balance with the battery as logged",
@@ -82,7 +81,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "citations": methods.CITATIONS,
         "provenance": _provenance(inputs.provenance),
     }
-    summary["answer"] = _answer(summary)
+    summary["answer"] = answer(summary)
     summary["key_numbers"] = _key_numbers(summary)
     return summary, comparison
 
@@ -283,98 +282,6 @@ def _provenance(provenance: Mapping[str, Any]) -> dict[str, Any]:
         "inputs": [{"file": name, "blake2b": digest} for name, digest in sorted(read.items())],
         "software": [{"name": name, "version": str(version)} for name, version in software.items()],
     }
-
-
-def _answer(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the answer in one plain sentence, and what else a reader in a hurry must know."""
-    known = [part for part in summary["parts"] if math.isfinite(part["measured_speed_m_s"])]
-    known = [part for part in known if math.isfinite(part["held_speed_m_s"])]
-    lead = max(known, key=lambda part: part["propeller_speed_rpm"], default=None)
-    sentence = _no_answer(summary) if lead is None else _compared(lead)
-    more = [_compared(part) for part in known if part is not lead]
-    more += [note for part in summary["parts"] for note in part["notes"] if not note.startswith("No theory")]
-    more += [
-        f"{part['name'].capitalize()}: speed {part['measured_reason']}."
-        for part in summary["parts"]
-        if part["measured_reason"]
-    ]
-    more += _even_words(summary["comparison"]["even_odd"])
-    more += [_fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]
-    return {"sentence": sentence, "more": more}
-
-
-def _no_answer(summary: Mapping[str, Any]) -> str:
-    if not summary["blocks"]["total"]:
-        return "Theory and measurement cannot be compared: the records hold no stretch of steady flight."
-    reasons = [part["measured_reason"] or part["held_reason"] for part in summary["parts"]]
-    reasons += [row["reason"] for row in summary["blocks"]["left_out"]]
-    why = next((reason for reason in reasons if reason), "the net buoyancy of the blocks is not known")
-    return f"Theory and measurement cannot be compared: {why}."
-
-
-def _compared(part: Mapping[str, Any]) -> str:
-    """Return one part's comparison as a sentence."""
-    held, error, u = part["held_speed_m_s"], part["error_m_s"], part["u_val_m_s"]
-    flown = part["as_flown_speed_m_s"]
-    if not math.isfinite(error):
-        flown, error = held, held - part["measured_speed_m_s"]
-        u = math.hypot(part["held_speed_std_m_s"], part["measured_speed_std_m_s"])
-    share = 100.0 * abs(error) / part["measured_speed_m_s"]
-    way = "fast" if error > 0 else "slow"
-    if abs(error) > SIGNIFICANT * u:
-        verdict = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s ({share:.0f} %) too {way}"
-    else:
-        verdict = f"in agreement (E = {100 * error:+.1f} ± {100 * u:.1f} cm/s)"
-    predicts = f"predicts {flown:.3f} m/s"
-    if part["as_set"] and abs(held - flown) > 5e-4:
-        predicts = f"predicts {held:.3f} m/s, as flown {flown:.3f}"
-    words = (
-        f"{part['name'].capitalize()}: measured {part['measured_speed_m_s']:.3f} ± {part['measured_speed_std_m_s']:.3f}"
-        f" m/s; theory with the measured pitch held {predicts}, {verdict}"
-    )
-    if math.isfinite(part["free_speed_m_s"]):
-        pitch = part["free_pitch_deg"]
-        beyond = ", beyond the vertical" if abs(pitch) > 90.0 else ""
-        words += f"; with the pitch left free it predicts {part['free_speed_m_s']:.3f} m/s at {pitch:.0f}°{beyond}"
-    return words.replace("-", "−") + "."
-
-
-def _even_words(rows: list[dict[str, Any]]) -> list[str]:
-    """Return what the even part of the speed's error says, where dives and climbs were flown alike."""
-    out = []
-    for row in rows:
-        if row["trim"] != "pitch" or row["quantity"] != "speed" or row["powered"]:
-            continue
-        way = "fast" if row["even"] > 0 else "slow"
-        verdict = "significant" if abs(row["even"]) > SIGNIFICANT * row["even_u"] else "not significant"
-        out.append(
-            f"Averaged over dive and climb, where ballast and moving water cancel, theory with the measured pitch held "
-            f"is {abs(row['even']):.1f} ± {row['even_u']:.1f} cm/s too {way}: {verdict}."
-        )
-    return out
-
-
-def _fit_words(fitted: Mapping[str, Any]) -> str:
-    """Return what the fit says, as a sentence."""
-    if fitted["reason"]:
-        return f"No correction is fitted: {fitted['reason']}."
-    words = []
-    for item in fitted["parameters"]:
-        share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
-        value = f"{item['symbol']} = {_rounded(item['value'], item['std'])} {item['unit']}{share}"
-        words.append(f"{value.replace('-', '−')}, {item['verdict']}")
-    sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
-    strained = [item for item in fitted["borrowed"] if item["verdict"] == "contradicts its prior"]
-    if strained:
-        pulls = ", ".join(f"{item['symbol']} by {abs(item['pull_std']):.1f}σ" for item in strained)
-        sentence += f" It strains what it borrowed ({pulls}): the theory's shape does not fit these data."
-    return sentence
-
-
-def _rounded(value: float, std: float) -> str:
-    """Return value ± 1-sigma with two digits of the latter."""
-    decimals = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 3
-    return f"{value:+.{decimals}f} ± {std:.{decimals}f}"
 
 
 def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:

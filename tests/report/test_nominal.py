@@ -57,6 +57,11 @@ def test_without_gps_legs_the_speed_of_level_flight_is_unobservable_with_a_reaso
     assert row["measured_reason"].startswith("unobservable: depth carries no speed here")
 
 
+def test_the_estimators_own_reason_is_passed_on(petrel):
+    frame = level_blocks().assign(used=False, reason="speed unobservable: powered and near level: no fixes")
+    assert rows(petrel, frame, DANJIANGKOU)[0]["measured_reason"] == "unobservable: powered and near level: no fixes"
+
+
 def test_south_china_sea_held_pitch_predicts_1_294_and_free_pitch_1_374(petrel):
     row = rows(petrel, blocks(dives=1, powered_climbs=True), SOUTH_CHINA_SEA)[0]
     assert row["held_speed_m_s"] == pytest.approx(1.294, abs=5e-4)
