@@ -1,0 +1,152 @@
+"""Block means: against truth, hand numbers and every way in which something may be missing."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from truth import Trial
+
+from pipeline.estimate.ballast import ASSUMED_STD, hull
+from pipeline.estimate.blocks import block_means
+from pipeline.mission import Ballast, Mission
+from pipeline.records import BLOCKS, ESTIMATES, RECORDS, conform, timestamps
+from pipeline.vehicle import load
+
+VEHICLE = load("petrel-ii")
+GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
+
+
+def line(n: int = 121, rate: float = 0.2) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return records and estimates of one block of steady sinking, a sample every 2 s."""
+    time = 2.0 * np.arange(n)
+    measured = {
+        "pressure": 50.0 + rate * time,
+        "temperature": 10.0,
+        "pitch": -0.4,
+        "buoyancy_volume": -2e-4,
+        "battery_position": 0.003,
+    }
+    records = pd.DataFrame({"time": timestamps(time), **measured, "depth": 50.0 + rate * time, "density": 1025.0})
+    flags = {f"{name}_qc": np.int8(1) for name in measured}
+    records = conform(records.assign(**flags, dive=1, block=0, phase=2), RECORDS)
+    estimates = pd.DataFrame(
+        {
+            "time": records["time"],
+            "dive": 1,
+            "method": "kinematic",
+            "speed": 0.5,
+            "speed_std": 0.02,
+            "path_angle": -0.42,
+            "path_angle_std": 0.01,
+            "angle_of_attack": 0.02,
+            "angle_of_attack_std": 0.005,
+            "pitch": -0.4,
+            "observable": True,
+        }
+    )
+    return records, conform(estimates, ESTIMATES)
+
+
+def test_a_steady_line_gives_its_own_numbers() -> None:
+    records, estimates = line()
+    mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
+    blocks, findings = block_means(records, estimates, VEHICLE, mission, {})
+    block = blocks.iloc[0]
+    assert findings == []
+    assert list(blocks.columns) == [column.name for column in BLOCKS]
+    assert (block["direction"], block["dive"], block["powered"], block["used"]) == (-1, 1, False, True)
+    assert block["depth_rate"] == pytest.approx(0.2, rel=1e-9)
+    assert block["speed"] == pytest.approx(0.5)
+    assert block["speed_std"] == pytest.approx(0.02), "errors within a block are one and the same"
+    assert block["pitch_std"] == pytest.approx(np.radians(0.3), rel=1e-6)
+    # hull neutral in 1025 kg/m3 at the surface and 15 degC: engine, pressure and cold take buoyancy away
+    pressure, volume = 50.0 + 0.2 * 120.0, 70.0 / 1025.0
+    squeezed = volume * (1.0 - 4.2e-10 * 1e4 * pressure - 7.05e-5 * 5.0)
+    assert block["net_buoyancy"] == pytest.approx(9.81 * (1025.0 * (squeezed - 2e-4) - 70.0), rel=5e-3)
+    assert block["battery_position"] == pytest.approx(0.003)
+
+
+@pytest.mark.parametrize("name", [GLIDING, CLIMBING, LEVEL])
+def test_block_means_agree_with_the_simulated_truth(trial: Callable[[str], Trial], name: str) -> None:
+    case = trial(name)
+    blocks, _ = block_means(case.records, case.estimated.estimates, case.vehicle, case.mission, {})
+    assert blocks["used"].mean() > 0.9
+    inside = case.records["block"].to_numpy()
+    for truth, column, tolerance in (
+        ("net_buoyancy", "net_buoyancy", 0.15),
+        ("pitch", "pitch", np.radians(0.3)),
+        ("propeller_speed", "propeller_speed", 0.3),
+    ):
+        expected = [case.true(truth)[inside == block].mean() for block in blocks["block"]]
+        np.testing.assert_allclose(blocks[column], expected, atol=tolerance, err_msg=column)
+    speed = np.array([case.true("speed")[inside == block].mean() for block in blocks["block"]])
+    good = blocks["used"].to_numpy()
+    ratio = ((blocks["speed"] - speed) / blocks["speed_std"])[good]
+    assert np.mean(np.abs(ratio) < 1.96) > 0.85
+
+
+def test_directions_tell_dives_climbs_and_level_flight_apart(trial: Callable[[str], Trial]) -> None:
+    for name, expected in ((GLIDING, {-1, 1}), (LEVEL, {0}), (CLIMBING, {-1, 1})):
+        case = trial(name)
+        blocks, _ = block_means(case.records, case.estimated.estimates, case.vehicle, case.mission, {})
+        assert set(blocks["direction"]) == expected
+        assert set(blocks.loc[blocks["powered"], "direction"]) <= {0, 1}
+
+
+def test_a_block_whose_speed_is_unobservable_is_not_used_and_says_why() -> None:
+    records, estimates = line()
+    estimates = estimates.assign(observable=False, reason="near level: depth carries no speed", speed=np.nan)
+    blocks, _ = block_means(records, estimates, VEHICLE, Mission(vehicle="petrel-ii"), {})
+    assert not blocks["used"].iloc[0]
+    assert blocks["reason"].iloc[0] == "speed unobservable: near level: depth carries no speed"
+    assert np.isnan(blocks["speed"].iloc[0])
+    assert blocks["depth_rate"].iloc[0] == pytest.approx(0.2)
+
+
+def test_no_block_at_all_gives_an_empty_table() -> None:
+    records, estimates = line()
+    blocks, _ = block_means(records.assign(block=-1), estimates, VEHICLE, Mission(vehicle="petrel-ii"), {})
+    assert len(blocks) == 0
+    assert list(blocks.columns) == [column.name for column in BLOCKS]
+
+
+def test_without_engine_volume_there_is_no_net_buoyancy_and_it_is_said() -> None:
+    records, estimates = line()
+    blocks, findings = block_means(
+        records.assign(buoyancy_volume=np.nan), estimates, VEHICLE, Mission(vehicle="petrel-ii"), {}
+    )
+    assert np.isnan(blocks["net_buoyancy"].iloc[0])
+    assert "records: buoyancy_volume: found no engine volume; expected one; no net buoyancy, no theory" in [
+        str(finding) for finding in findings
+    ]
+
+
+def test_ballast_is_taken_from_mission_then_logs_then_assumed() -> None:
+    records, _ = line()
+    by_volume, _ = hull(Mission(vehicle="x", ballast=Ballast(mass=60.0, volume=0.06)), VEHICLE, {}, records)
+    by_density, _ = hull(Mission(vehicle="x", ballast=Ballast(neutral_density=1000.0)), VEHICLE, {}, records)
+    by_logs, _ = hull(Mission(vehicle="x"), VEHICLE, {"mass": 56.0, "hull_volume": 0.055}, records)
+    assumed, findings = hull(Mission(vehicle="x"), VEHICLE, {}, records)
+    assert by_volume is not None
+    assert (by_volume.mass, by_volume.volume) == (60.0, 0.06)
+    assert by_density is not None
+    assert by_density.volume == pytest.approx(0.07)
+    assert by_logs is not None
+    assert (by_logs.mass, by_logs.volume) == (56.0, 0.055)
+    assert assumed is not None
+    assert assumed.volume == pytest.approx(70.0 / 1025.0)
+    assert assumed.std == ASSUMED_STD
+    assert [str(finding) for finding in findings] == [
+        "mission.yaml: ballast: found neither volume nor neutral_density; expected one of them; "
+        "taken as neutral in 1025.00 kg/m3, the mean density met, with a 1-sigma of 2 N"
+    ]
+
+
+def test_without_any_density_the_ballast_cannot_be_assumed() -> None:
+    records, _ = line()
+    nothing, findings = hull(Mission(vehicle="x"), VEHICLE, {}, records.assign(density=np.nan))
+    assert nothing is None
+    assert str(findings[0]) == (
+        "records: density: found no density; expected temperature and conductivity; no net buoyancy"
+    )

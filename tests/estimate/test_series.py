@@ -1,0 +1,91 @@
+"""What the estimators take from the records: flags and geometry against hand-made flights."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from truth import Trial
+
+from pipeline.estimate.series import AFTER, BEFORE, EARTH_RADIUS, from_records, powered
+from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
+
+
+def flight(**columns: object) -> pd.DataFrame:
+    """Return records of 20 minutes of sinking at 0.2 m/s, a row a second."""
+    time = np.arange(1200.0)
+    base: dict[str, object] = {
+        "time": timestamps(time),
+        "pressure": 0.2 * time,
+        "depth": 0.2 * time,
+        "pitch": -0.4,
+        "phase": int(Phase.DESCENT),
+    }
+    base |= columns
+    flags = {f"{column.name}_qc": np.int8(1) for column in MEASURED if column.name in base}
+    return conform(pd.DataFrame(base).assign(**flags), RECORDS)
+
+
+def test_steady_sinking_is_no_manoeuvre_and_its_depth_rate_is_found() -> None:
+    series = from_records(flight())
+    assert not series.manoeuvre[10:-10].any()
+    np.testing.assert_allclose(series.depth_rate_guess[30:-30], 0.2, rtol=1e-6)
+    assert not series.powered.any()
+    assert not series.unmeasured.any()
+
+
+def test_a_pitch_step_is_a_manoeuvre_with_its_margins_and_no_more() -> None:
+    pitch = np.where(np.arange(1200) < 600, -0.4, 0.4)
+    manoeuvre = from_records(flight(pitch=pitch)).manoeuvre
+    assert manoeuvre[600 - int(BEFORE) : 600 + int(AFTER)].all()
+    assert not manoeuvre[: 600 - int(BEFORE) - 20].any()
+    assert not manoeuvre[600 + int(AFTER) + 20 :].any()
+
+
+def test_a_propeller_setting_holds_until_the_next_report() -> None:
+    reported = np.full(1200, np.nan)
+    reported[[0, 300, 900]] = [0.0, 13.0, 0.0]
+    on = powered(flight(propeller_speed=reported))
+    assert on[300:900].all()
+    assert not on[:300].any()
+    assert not on[900:].any()
+    assert powered(flight(propeller_power=np.where(np.arange(1200) > 600, 5.0, -0.1)))[601:].all()
+
+
+def test_flagged_measurements_are_not_taken() -> None:
+    records = flight()
+    records.loc[5:9, "pressure_qc"] = np.int8(4)
+    records.loc[20, "pitch_qc"] = np.int8(3)
+    series = from_records(records)
+    assert np.flatnonzero(np.isnan(series.depth)).tolist() == [5, 6, 7, 8, 9]
+    assert np.flatnonzero(np.isnan(series.pitch)).tolist() == [20]
+
+
+def test_silence_of_pitch_is_marked_beyond_two_minutes() -> None:
+    pitch = np.full(1200, -0.4)
+    pitch[300:900] = np.nan
+    series = from_records(flight(pitch=pitch))
+    assert series.unmeasured[425:775].all()
+    assert not series.unmeasured[:410].any()
+    assert not series.unmeasured[790:].any()
+
+
+@pytest.mark.parametrize("longitude", [115.0, 179.9995])
+def test_fixes_become_metres_also_across_the_date_line(longitude: float) -> None:
+    latitude, east = np.full(1200, np.nan), np.full(1200, np.nan)
+    latitude[[0, 1199]], east[[0, 1199]] = [20.0, 20.01], [longitude, longitude + 0.001]
+    east = np.where(east > 180.0, east - 360.0, east)
+    series = from_records(flight(latitude=latitude, longitude=east))
+    assert series.north[1199] == pytest.approx(np.radians(0.01) * EARTH_RADIUS, rel=1e-9)
+    assert series.east[1199] == pytest.approx(np.radians(0.001) * EARTH_RADIUS * np.cos(np.radians(20.0)), rel=1e-6)
+    assert not series.located, "no heading"
+
+
+def test_cruises_are_the_held_stretches_of_the_level_trial(trial: Callable[[str], Trial]) -> None:
+    case = trial("petrel2-danjiangkou-2014")
+    series = from_records(case.records)
+    pitch = np.degrees(case.true("pitch"))[series.cruising]
+    assert 0.2 < series.cruising.mean() < 0.6
+    assert np.mean(np.abs(pitch - 3.5) < 1.0) > 0.97
+    assert not series.new_setting.any()
+    assert not from_records(trial("petrel2-scs-2014").records).cruising.any()
