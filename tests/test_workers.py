@@ -1,0 +1,71 @@
+"""Workers: processes that leave interrupts to their parent, and a cluster in place of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import types
+from concurrent.futures import Executor, Future
+from typing import Any
+
+import pytest
+
+from pipeline.findings import InputError
+from pipeline.workers import ONE_THREAD, cluster, local
+
+
+def test_a_worker_leaves_interrupts_to_its_parent_and_computes_on_one_thread() -> None:
+    with local(1) as workers:
+        assert workers.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
+        assert {workers.submit(os.getenv, name).result() for name in ONE_THREAD} == {"1"}
+
+
+def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError) as caught:
+        cluster("tcp://127.0.0.1:8786")
+    assert str(caught.value) == (
+        "--scheduler: found no dask.distributed; expected the extra 'cluster'; pip install 'seatrial[cluster]'"
+    )
+
+
+class ClientExecutor(Executor):
+    """As narrow as that of dask.distributed: its shutdown takes nothing but wait."""
+
+    def submit(self, task: Any, /, *arguments: Any, **options: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(task(*arguments))
+        return future
+
+    def shutdown(self, wait: bool = True) -> None:  # type: ignore[override]
+        pass
+
+
+class Client:
+    def __init__(self, address: str, timeout: float) -> None:
+        if address != "tcp://127.0.0.1:8786":
+            raise OSError("Timed out trying to connect")
+
+    def get_executor(self, *, pure: bool) -> ClientExecutor:
+        assert not pure
+        return ClientExecutor()
+
+    def nthreads(self) -> dict[str, int]:
+        return {"tcp://127.0.0.1:1": 2, "tcp://127.0.0.1:2": 3}
+
+
+def test_a_cluster_is_given_as_many_tasks_as_it_has_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=Client))
+    with cluster("tcp://127.0.0.1:8786") as workers:
+        assert workers.width == 5
+        assert workers.submit(abs, -1).result() == 1
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=Client))
+    with pytest.raises(InputError) as caught:
+        cluster("tcp://127.0.0.1:1")
+    assert str(caught.value) == (
+        "--scheduler: found no answer from 'tcp://127.0.0.1:1'; expected a dask scheduler, as in tcp://host:8786"
+    )
