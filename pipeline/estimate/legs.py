@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.estimate.linearise import CURRENT_EAST, CURRENT_NORTH
 from pipeline.estimate.series import Series
 
 #: A leg shorter than this (s) says nothing that the fixes' own error would not drown.
@@ -15,7 +14,7 @@ SHORTEST = 120.0
 
 
 def legs(
-    series: Series, speed: np.ndarray, speed_std: np.ndarray, mean: np.ndarray, seen: np.ndarray
+    series: Series, speed: np.ndarray, speed_std: np.ndarray, current: np.ndarray, seen: np.ndarray
 ) -> dict[str, Any] | None:
     """Return every submerged leg, and the speed that the displacements determine in powered level flight.
 
@@ -25,8 +24,8 @@ def legs(
         Measurements, m instants.
     speed, speed_std
         Estimated speed and its 1-sigma, shape (m,).
-    mean
-        Smoothed states, shape (m, 10).
+    current
+        Estimated current, east and north, shape (2, m).
     seen
         Where the speed is observable, shape (m,).
 
@@ -60,8 +59,8 @@ def legs(
                 "powered": bool(level.size > 0),
                 "speed": float(speed[chosen].mean()) if chosen.size else None,
                 "speed_std": float(speed_std[chosen].mean()) if chosen.size else None,
-                "current_east": float(mean[submerged, CURRENT_EAST].mean()),
-                "current_north": float(mean[submerged, CURRENT_NORTH].mean()),
+                "current_east": float(current[0, submerged].mean()),
+                "current_north": float(current[1, submerged].mean()),
             }
         )
     if not table:

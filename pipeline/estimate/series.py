@@ -46,6 +46,9 @@ class Series:
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
 
+    def __getitem__(self, part: slice) -> Series:
+        return Series(**{name: value[part] for name, value in vars(self).items()})
+
     @property
     def located(self) -> bool:
         """Whether two fixes and a heading allow for displacement over ground."""

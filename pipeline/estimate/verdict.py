@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.estimate.series import LEVEL, Series
-from pipeline.estimate.smoother import Solution
 
 #: A speed is called observable when its 1-sigma is below this share of it.
 OBSERVABLE = 0.2
@@ -41,13 +40,21 @@ def verdict(
     return reason
 
 
-def consistency(solution: Solution, series: Series) -> dict[str, Any]:
-    """Return the mean normalised innovation squared of depth and pitch in steady flight, with its 95 % band."""
+def consistency(innovation: np.ndarray, series: Series) -> dict[str, Any]:
+    """Return the mean normalised innovation squared of depth and pitch in steady flight, with its 95 % band.
+
+    Parameters
+    ----------
+    innovation
+        Normalised innovations of depth and pitch, shape (2, m), NaN where there is none.
+    series
+        Measurements and flags, m instants.
+    """
     from scipy.stats import chi2
 
     result: dict[str, Any] = {}
-    for j, name in enumerate(("depth", "pitch")):
-        nis = (solution.innovation[:, j] ** 2 / solution.innovation_variance[:, j])[~series.manoeuvre]
+    for name, normalised in zip(("depth", "pitch"), innovation, strict=True):
+        nis = normalised[~series.manoeuvre] ** 2
         nis = nis[np.isfinite(nis)]
         if nis.size:
             low, high = chi2.ppf((0.025, 0.975), nis.size) / nis.size

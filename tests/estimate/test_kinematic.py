@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
+from pipeline.estimate import kinematic
 from pipeline.estimate.kinematic import estimate
 from pipeline.records import ESTIMATES, Phase, conform
 
@@ -194,3 +195,28 @@ def test_an_unknown_engine_is_refused_with_the_nearest_name(trial: Callable[[str
     case = trial(GLIDING)
     with pytest.raises(ValueError, match=r"^engine: found 'filterpi'; did you mean 'filterpy'\?$"):
         estimate(case.records, case.vehicle, case.mission, engine="filterpi")
+
+
+def test_a_long_mission_is_cut_at_the_surface_and_parts_give_what_the_whole_gives(
+    trial: Callable[[str], Trial], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = trial(GLIDING)
+    monkeypatch.setattr(kinematic, "PART_RECORDS", 9_000)
+    pieces = kinematic.cuts(case.records["phase"].to_numpy() == Phase.SURFACING, 9_000)
+    assert len(pieces) == 3
+    assert all(case.records["phase"].iloc[first] == Phase.SURFACING for first, _ in pieces[1:])
+    monkeypatch.setattr(kinematic, "cuts", lambda surfaced: pieces)
+    found = estimate(case.records, case.vehicle, case.mission).estimates
+    whole = case.estimated.estimates
+    assert (found["observable"] == whole["observable"]).mean() > 0.995
+    both = (found["observable"] & whole["observable"]).to_numpy()
+    assert np.abs(found["speed"] - whole["speed"])[both].max() < 0.01
+    assert np.abs(found["speed"] - whole["speed"])[both].median() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("m", "expected"), [(1, [(0, 1)]), (10, [(0, 10)]), (150, [(0, 150)]), (240, [(0, 100), (100, 240)])]
+)
+def test_cuts_cover_every_record_once_without_any_surface(m: int, expected: list[tuple[int, int]]) -> None:
+    pieces = kinematic.cuts(np.zeros(m, dtype=bool), 100)
+    assert pieces == expected
