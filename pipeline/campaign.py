@@ -103,13 +103,13 @@ def _in_one_line(job: Job, stage: str) -> Iterator[None]:
     try:
         yield
     except (InputError, OSError) as error:
-        raise in_one_line(error, job.name, stage, "") from error
+        raise in_one_line(error, stage, "") from error
     except Exception as error:
         place = str(provenance.PACKAGE.parent) + os.sep
         account = "".join(traceback.format_exception(error)).replace(place, "")
         store.write_text(job.results / ERROR_LOG, account)
         remedy = f"please report it with {job.results.parent.name}/{job.name}/{ERROR_LOG}"
-        raise in_one_line(error, job.name, stage, remedy) from error
+        raise in_one_line(error, stage, remedy) from error
 
 
 def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
@@ -282,7 +282,7 @@ def run(
         except Exception as error:
             end(
                 course,
-                f"{course.job.name}: {course.ahead[0]}: found {type(error).__name__} from the scheduler: {error}",
+                f"{course.ahead[0]}: found {type(error).__name__} from the scheduler: {error}",
             )
         else:
             course.ran.append(course.ahead.popleft())
@@ -306,7 +306,6 @@ def run(
 
 def _killed(course: _Course) -> InputError:
     return InputError(
-        course.job.name,
         course.ahead[0],
         found="that its process was killed, twice",
         expected="it to end by itself",

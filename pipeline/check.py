@@ -55,7 +55,7 @@ def check(job: Job) -> Checked:
         result = ingest(mission)
         vehicle = resolve_vehicle(mission, result.constants)
     except Exception as error:
-        return Checked(job.name, error=str(in_one_line(error, job.name, "ingest", "please report it")))
+        return Checked(job.name, error=str(in_one_line(error, "ingest", "please report it")))
     records = result.records
     instruments = [row for column in MEASURED if (row := _instrument(records, column))]
     seen = {row["name"] for row in instruments}

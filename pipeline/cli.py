@@ -317,7 +317,7 @@ def main() -> NoReturn:
     except Exception as error:
         from pipeline.findings import in_one_line
 
-        _end(WRONG, str(in_one_line(error, "seatrial", "command", "please report it")))
+        _end(WRONG, str(in_one_line(error, "seatrial", "please report it")))
     except Interrupted:
         _end(INTERRUPTED, "interrupted; what is finished is kept, and the next run goes on from there")
     raise SystemExit(DONE)

@@ -71,20 +71,20 @@ def _rebuild(finding: Finding) -> InputError:
     )
 
 
-def in_one_line(error: Exception, file: str, stage: str, remedy: str) -> InputError:
-    """Return `error`, which nobody foresaw, in one line that says where in this package it arose."""
+def in_one_line(error: Exception, stage: str, remedy: str) -> InputError:
+    """Return `error`, met in `stage`, in one line; one that nobody foresaw says where in this package it arose."""
     if isinstance(error, InputError):
         return error
     if isinstance(error, OSError):
-        name = Path(str(error.filename)).name if error.filename else stage
-        return InputError(file, name, found=error.strerror or str(error), expected="to read and write it")
+        name = Path(str(error.filename)).name if error.filename else ""
+        return InputError(stage, name, found=error.strerror or str(error), expected="to read and write it")
     package = str(Path(__file__).parent)
     frames = traceback.extract_tb(error.__traceback__)
     frame = ([frame for frame in frames if frame.filename.startswith(package)] or list(frames))[-1]
     place = os.path.relpath(frame.filename, Path(package).parent) if package in frame.filename else frame.name
     return InputError(
-        file,
-        f"{stage}, line {frame.lineno} of {place}",
+        stage,
+        f"line {frame.lineno} of {place}",
         found=f"{type(error).__name__}: {' '.join(str(error).split())[:200]}",
         expected="no such error",
         remedy=remedy,

@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 
 from pipeline import campaign, provenance, store
-from pipeline.campaign import OUTPUTS, STAGES, UNREAD
+from pipeline.campaign import UNREAD
 from pipeline.findings import InputError
 from pipeline.mission import Mission, load
-from pipeline.roster import Job, Outcome, plan, resolve_vehicle
+from pipeline.roster import OUTPUTS, STAGES, Job, Outcome, plan, resolve_vehicle
 from pipeline.workers import Workers, local
 
 SEATRIAL = str(Path(sys.executable).with_name("seatrial"))
@@ -217,7 +217,7 @@ class TestWhatAFailureCosts:
         bare_mission(tmp_path / "raw" / "a")
         self.failing(monkeypatch, "model", "a", ZeroDivisionError("division\nby zero"))
         line = run(tmp_path)["a"].error
-        assert line.startswith("a: model, line ")
+        assert line.startswith("model: line ")
         assert line.endswith(
             ": found ZeroDivisionError: division by zero; expected no such error; "
             "please report it with processed/a/error.log"
@@ -241,7 +241,7 @@ class TestWhatAFailureCosts:
     ) -> None:
         bare_mission(tmp_path / "raw" / "a")
         self.failing(monkeypatch, "ingest", "a", OSError(28, "No space left on device", "/x/records.parquet"))
-        line = "a: records.parquet: found No space left on device; expected to read and write it"
+        line = "ingest: records.parquet: found No space left on device; expected to read and write it"
         assert run(tmp_path)["a"].error == line
 
     @pytest.mark.parametrize("twice", [False, True])
@@ -272,7 +272,7 @@ class TestWhatAFailureCosts:
                 return future
 
         outcomes = run(tmp_path, workers=Workers(Fragile, 2))
-        killed = "b: estimate: found that its process was killed, twice; expected it to end by itself; "
+        killed = "estimate: found that its process was killed, twice; expected it to end by itself; "
         assert outcomes["a"].error == outcomes["c"].error == ""
         assert outcomes["b"].error.startswith(killed) if twice else outcomes["b"].error == ""
 

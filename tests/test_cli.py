@@ -269,7 +269,7 @@ def test_an_error_nobody_foresaw_is_one_line(tmp_path: Path) -> None:
     line = done.stderr.splitlines()[-1]
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
-    assert line.startswith("seatrial: command, line ")
+    assert line.startswith("seatrial: line ")
     assert line.endswith(
         "of pipeline/cli.py: found ZeroDivisionError: division by zero; expected no such error; please report it"
     )

@@ -57,17 +57,17 @@ def test_the_nearest_name_is_suggested_else_all_are_listed() -> None:
 def test_an_error_nobody_foresaw_becomes_one_line_that_says_where() -> None:
     with pytest.raises(ZeroDivisionError) as caught:
         _ = 1 / 0
-    error = in_one_line(caught.value, "trial", "ingest", "report it")
+    error = in_one_line(caught.value, "ingest", "report it")
     assert "\n" not in str(error)
-    assert str(error).startswith("trial: ingest, line ")
+    assert str(error).startswith("ingest: line ")
     assert str(error).endswith("found ZeroDivisionError: division by zero; expected no such error; report it")
 
 
 def test_an_error_of_the_file_system_names_the_file() -> None:
-    error = in_one_line(PermissionError(13, "Permission denied", "/a/b/records.parquet"), "trial", "ingest", "")
-    assert str(error) == "trial: records.parquet: found Permission denied; expected to read and write it"
+    error = in_one_line(PermissionError(13, "Permission denied", "/a/b/records.parquet"), "ingest", "")
+    assert str(error) == "ingest: records.parquet: found Permission denied; expected to read and write it"
 
 
 def test_an_input_error_is_left_as_it_is() -> None:
     error = InputError("a", found="b")
-    assert in_one_line(error, "trial", "ingest", "") is error
+    assert in_one_line(error, "ingest", "") is error
