@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from pipeline import vehicle
 from pipeline.findings import InputError
 
+#: Vehicles whose lift and drag are not published.
+SILENT = {"seaexplorer", "spray"}
 MASS = {"value": 70.0, "std": 1.0, "unit": "kg", "source": "scales"}
 
 
@@ -24,9 +26,12 @@ def refusal(content: object) -> str:
 def test_every_vehicle_of_the_package_says_what_the_theory_needs(name: str) -> None:
     found = vehicle.load(name)
     assert found.name == name
-    needed = (*vehicle.Polar._fields, "reference_density", "mass", "compressibility", "thermal_expansion")
-    assert all(math.isfinite(found[key]) and math.isfinite(found.std(key)) for key in needed)
+    assert found["reference_density"] > 0.0
+    polar = (*vehicle.Polar._fields,)
+    assert all(math.isfinite(found[key]) and math.isfinite(found.std(key)) for key in polar) != (name in SILENT)
     assert all(coefficient.source for coefficient in found.coefficients.values())
+    for coefficient in found.coefficients.values():
+        assert math.isnan(coefficient.std) == math.isnan(coefficient.value)
 
 
 def test_unknown_vehicle_names_the_nearest() -> None:
@@ -141,6 +146,7 @@ def test_slocum_file_holds_the_numbers_of_merckelbach_2010_and_2019() -> None:
     aspect, sweep = 7.0, math.radians(43.0)
     a_w = 2.0 * math.pi * aspect / (2.0 + math.sqrt(aspect**2 * (1.0 + math.tan(sweep) ** 2) + 4.0))
     assert a_w == pytest.approx(3.734, abs=5e-4)
+    assert vehicle.wing_lift_slope() == pytest.approx(a_w, rel=1e-15)
     c_d1 = 9.7 + a_w**2 / (math.pi * 0.8 * aspect)
     assert c_d1 == pytest.approx(10.49, abs=5e-3)
     assert slocum["lift_slope"] == pytest.approx(half_rho_s * (3.8 + a_w), rel=2e-5)
@@ -208,3 +214,91 @@ def test_constants_missing_in_a_seaglider_file_leave_the_vehicle_as_it_was() -> 
     assert changed["reference_temperature"] == 10.0
     assert changed.polar == base.polar
     assert changed.std("compressibility") / changed["compressibility"] == pytest.approx(1.0 / 4.2)
+
+
+SLOCUM = {"C_D0": 0.15, "C_D1": 9.7 + 3.73427**2 / (math.pi * 0.8 * 7.0), "a_h": 3.8, "a_w": 3.73427, "S": 0.1}
+
+
+@pytest.mark.parametrize("name", ["slocum-g2", "slocum-deep", "slocum-thruster"])
+def test_slocum_files_are_their_published_coefficients(name: str) -> None:
+    published = vehicle.to_slocum(vehicle.load(name))
+    assert published == pytest.approx(SLOCUM, rel=2e-5)
+    there = vehicle.from_slocum(vehicle.load(name), SLOCUM, source="Merckelbach et al. 2019")
+    assert tuple(there.polar) == pytest.approx(tuple(vehicle.load(name).polar), rel=2e-5)
+
+
+def test_powered_flight_of_a_slocum_is_not_predicted_without_its_thrust_law() -> None:
+    from pipeline.model.steady import NO_THRUST_LAW, trim_at_pitch
+
+    thruster = vehicle.load("slocum-thruster")
+    powered = trim_at_pitch(thruster, [0.0, -0.5], [0.0, -0.4], propeller_speed=[10.0, 0.0])
+    assert list(powered.reason) == [NO_THRUST_LAW, ""]
+    assert math.isfinite(powered.speed[1])
+    assert math.isnan(powered.speed[0])
+
+
+@pytest.mark.parametrize("name", sorted(SILENT))
+def test_a_vehicle_without_published_lift_and_drag_says_what_is_unknown(name: str) -> None:
+    from pipeline.model.predict import free_angle_of_attack
+    from pipeline.model.steady import trim_at_pitch
+
+    silent = vehicle.load(name)
+    glide = trim_at_pitch(silent, -0.5, -0.4)
+    assert math.isnan(glide.speed)
+    assert str(glide.reason) == "the vehicle file leaves lift_slope, parasite_drag, induced_drag unknown"
+    assert free_angle_of_attack(silent)[1] == "the vehicle file leaves moment_at_zero, moment_slope unknown"
+    assert math.isnan(vehicle.to_seaglider(silent)["hd_a"])
+    assert math.isnan(vehicle.to_slocum(silent)["C_D0"])
+
+
+@given(
+    c_d0=st.floats(0.05, 0.5),
+    c_d1=st.floats(1.0, 20.0),
+    a_h=st.floats(0.5, 6.0),
+    a_w=st.floats(2.0, 5.0),
+    area=st.floats(0.05, 0.3),
+    density=st.floats(1000.0, 1050.0),
+    speed=st.floats(0.05, 1.0),
+    alpha=st.floats(-0.2, 0.2),
+)
+def test_coefficients_of_slocum_give_its_forces_and_come_back(
+    c_d0: float, c_d1: float, a_h: float, a_w: float, area: float, density: float, speed: float, alpha: float
+) -> None:
+    constants = {"C_D0": c_d0, "C_D1": c_d1, "a_h": a_h, "a_w": a_w, "S": area}
+    there = vehicle.from_slocum(vehicle.load("seaglider"), constants, reference_density=density, source="a paper")
+    pressure = 0.5 * density * speed**2 * area
+    assert there["lift_slope"] * alpha * speed**2 == pytest.approx(
+        pressure * (a_h + a_w) * alpha, rel=1e-12, abs=1e-300
+    )
+    drag = there["parasite_drag"] * speed**2 + there["induced_drag"] * alpha**2 * speed**2
+    assert drag == pytest.approx(pressure * (c_d0 + c_d1 * alpha**2), rel=1e-12)
+    assert there["drag_exponent"] == 0.0
+    assert vehicle.to_slocum(there, area=area, wings=a_w) == pytest.approx(constants, rel=1e-12)
+
+
+@given(
+    a=st.floats(0.0005, 0.006),
+    b=st.floats(0.002, 0.02),
+    c=st.floats(1e-6, 2e-5),
+    s=st.floats(-0.5, 0.0),
+    length=st.floats(1.0, 3.0),
+)
+def test_constants_of_seaglider_come_back(a: float, b: float, c: float, s: float, length: float) -> None:
+    constants = {"hd_a": a, "hd_b": b, "hd_c": c, "hd_s": s, "glider_length": length}
+    there = vehicle.from_seaglider(vehicle.load("seaglider"), constants, source="a dive")
+    assert vehicle.to_seaglider(there, glider_length=length) == pytest.approx(constants, rel=1e-12)
+
+
+def test_slocum_without_one_of_its_constants_is_refused() -> None:
+    with pytest.raises(KeyError, match="C_D1"):
+        vehicle.from_slocum(vehicle.load("slocum-g2"), {"C_D0": 0.15, "a_h": 3.8, "a_w": 3.7, "S": 0.1}, source="x")
+
+
+def test_what_a_law_cannot_say_is_refused() -> None:
+    lifting = vehicle.load("slocum-g2").with_values({"lift_at_zero": 1.0}, "a wing set at an angle")
+    with pytest.raises(ValueError, match="slocum-g2: found lift_at_zero 1; Slocum's law has none"):
+        vehicle.to_slocum(lifting)
+    with pytest.raises(ValueError, match="slocum-g2: found lift_at_zero 1; Seaglider's law has none"):
+        vehicle.to_seaglider(lifting)
+    with pytest.raises(ValueError, match=r"seaglider: found drag_exponent -0\.5; Slocum's law has none"):
+        vehicle.to_slocum(vehicle.load("seaglider"))
