@@ -140,11 +140,15 @@ def check(raw: Raw = Path("raw"), json: Json = False) -> None:
     from dataclasses import asdict
 
     from pipeline import check as checks
+    from pipeline.progress import Bar
     from pipeline.roster import plan
 
     planned = plan(raw, Path("processed"), Path("reports"))
     found = [checks.Checked(outcome.name, error=outcome.error) for outcome in planned.failed]
-    found += [checks.check(job) for job in planned.jobs]
+    with Bar(len(planned.jobs)) as bar:
+        for done, job in enumerate(planned.jobs):
+            bar.update(done, [job.name])
+            found.append(checks.check(job))
     if json:
         _print_json([asdict(item) for item in found])
     else:
