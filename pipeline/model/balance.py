@@ -7,7 +7,8 @@ Without pitch rate and acceleration, with the density ratio r and thrust T = a +
 s = +1 in physical signs, -1 as printed in Eqs. (21) and (22) of Niu et al. (2017), doi:10.1007/s13344-017-0061-y.
 Every solver looks for the largest speed that balances. All roots lie below the speed at which parasite drag alone
 takes up buoyancy and thrust together, so it comes down from there to the first change of sign, and into every dip
-on the way. At a held pitch the largest speed is the root nearest the angle of attack without normal force.
+on the way. At a held pitch the largest speed is the root nearest the angle of attack without normal force; Newton's
+method finds it in a few steps, and the search from above is left for where that cannot be trusted.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ HELD_PITCH = 1
 ALPHA_LIMIT = 0.35
 _SEARCH_LIMIT = 0.5
 _STEPS = 48
+_NEWTON_STEPS = 15
+#: Speeds between Newton's answer and the ceiling at which the forces are looked at again.
+_CHECKS = 3
 _GOLDEN = 0.3819660112501051
 
 
@@ -41,8 +45,9 @@ def attack_for_normal_force(polar: Polar, speed: float, normal: float) -> float:
     if polar.drag_exponent != 0.0:
         parasite = parasite * speed**polar.drag_exponent
     alpha = (normal - polar.lift_at_zero) / (polar.lift_slope + parasite)
-    if not abs(alpha) <= 0.7:
+    if math.isnan(alpha):
         return math.nan
+    alpha = min(max(alpha, -0.6), 0.6)
     for _ in range(30):
         cosine = math.cos(alpha)
         sine = math.sin(alpha)
@@ -124,6 +129,89 @@ def ceiling(polar: Polar, ratio: float, force: float, pull: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def descend(
+    polar: Polar, ratio: float, push: float, pull: float, axial: float, normal: float, top: float
+) -> tuple[float, float]:
+    """Return speed [m/s] and angle of attack [rad] at a held pitch by Newton's method from above; NaN if in doubt.
+
+    With C_N = K_De sin α + K_Le cos α and C_X = K_De cos α - K_Le sin α the balances across and along the body are
+
+        r C_N V² + G cos θ = 0,    r C_X V² - (a + b V) - G sin θ = 0
+
+    Along the first, the second as a polynomial in 1/V has at most two positive roots for b <= 0 and small α, by the
+    rule of signs; it rises with V at the faster one. Any other answer, and one above which the second is negative at
+    any of a few speeds, is left to the search.
+
+    Parameters
+    ----------
+    polar, ratio, push, pull
+        As for `residual`.
+    axial, normal
+        G sin θ and G cos θ, N.
+    top
+        Speed above which there is no root, m/s.
+    """
+    if not pull <= 0.0:
+        return math.nan, math.nan
+    speed, alpha = top, 0.0
+    settled = False
+    for _ in range(_NEWTON_STEPS):
+        across, along, slope, lean, alpha_slope = _balance(polar, ratio, push, pull, axial, normal, speed, alpha)
+        rise = slope[1] - lean * slope[0]
+        if not rise > 0.0:
+            return math.nan, math.nan
+        faster = -(along - lean * across) / rise
+        turned = -(across + slope[0] * faster) / alpha_slope
+        speed += faster
+        alpha += turned
+        if not (speed > 0.0 and abs(alpha) <= _SEARCH_LIMIT):
+            return math.nan, math.nan
+        if abs(faster) <= 1e-9 * speed and abs(turned) <= 1e-9:
+            settled = True
+            break
+    if not settled:
+        return math.nan, math.nan
+    for k in range(1, _CHECKS + 1):
+        faster = speed + (top - speed) * k / _CHECKS
+        turned = alpha * (speed / faster) ** 2
+        across, along, slope, lean, alpha_slope = _balance(polar, ratio, push, pull, axial, normal, faster, turned)
+        if not along - lean * across > 0.0:
+            return math.nan, math.nan
+    return speed, alpha
+
+
+@njit(cache=True, error_model="numpy")
+def _balance(
+    polar: Polar, ratio: float, push: float, pull: float, axial: float, normal: float, speed: float, alpha: float
+) -> tuple[float, float, tuple[float, float], float, float]:
+    """Return the balances of `descend` across and along the body, N, their slopes with speed, and two more.
+
+    The fourth is the slope of the second with α over that of the first, the fifth that of the first with α, N/rad.
+    """
+    cosine, sine = math.cos(alpha), math.sin(alpha)
+    parasite = polar.parasite_drag
+    if polar.drag_exponent != 0.0:
+        parasite *= speed**polar.drag_exponent
+    braking = parasite + polar.induced_drag * alpha * alpha
+    lifting = polar.lift_at_zero + polar.lift_slope * alpha
+    c_normal = braking * sine + lifting * cosine
+    c_axial = braking * cosine - lifting * sine
+    growth = 2.0 * polar.induced_drag * alpha
+    normal_slope = growth * sine + polar.lift_slope * cosine + c_axial
+    axial_slope = growth * cosine - polar.lift_slope * sine - c_normal
+    bent = polar.drag_exponent * parasite
+    flow = ratio * speed
+    slopes = (flow * (2.0 * c_normal + bent * sine), flow * (2.0 * c_axial + bent * cosine) - pull)
+    return (
+        flow * speed * c_normal + normal,
+        flow * speed * c_axial - push - pull * speed - axial,
+        slopes,
+        axial_slope / normal_slope,
+        flow * speed * normal_slope,
+    )
+
+
+@njit(cache=True, error_model="numpy")
 def largest_speed(
     mode: int,
     held: float,
@@ -139,6 +227,11 @@ def largest_speed(
     Parameters as for `residual`.
     """
     top = ceiling(polar, ratio, abs(net_buoyancy) + abs(push), pull) * (1.0 + 1e-6)
+    if mode == HELD_PITCH:
+        axial, normal = net_buoyancy * math.sin(held), net_buoyancy * math.cos(held)
+        speed, alpha = descend(polar, ratio, push, pull, axial, normal, top)
+        if speed > 0.0:
+            return speed, alpha
     before, upper = math.nan, top
     upper_value, _ = residual(mode, top, held, polar, ratio, push, pull, net_buoyancy, sign)
     before_value = math.nan
@@ -284,82 +377,3 @@ def solve(
             across = ratio[i] * lift(polar, v, a) + sign * thrust * math.sin(a)
             path_angle[i] = math.atan2(up * along, -up * across)
     return speed, path_angle, alpha
-
-
-@njit(cache=True, error_model="numpy")
-def moment_left(
-    pitch: float,
-    polar: Polar,
-    ratio: float,
-    push: float,
-    pull: float,
-    net_buoyancy: float,
-    moment_at_zero: float,
-    moment_slope: float,
-    munk_mass: float,
-    moment_cos: float,
-    moment_sin: float,
-) -> float:
-    """Return the pitching moment left at a held pitch, N m, nose up positive; NaN where the forces do not balance.
-
-    r (K_M0 + K_M α) V² + (m_3 - m_1) V² sin α cos α + M_c cos θ + M_s sin θ, Eqs. (4) and (7).
-    """
-    speed, alpha = largest_speed(HELD_PITCH, pitch, polar, ratio, push, pull, net_buoyancy, 1.0)
-    if not abs(alpha) <= ALPHA_LIMIT:
-        return math.nan
-    flow = ratio * (moment_at_zero + moment_slope * alpha) + munk_mass * math.sin(alpha) * math.cos(alpha)
-    return flow * speed * speed + moment_cos * math.cos(pitch) + moment_sin * math.sin(pitch)
-
-
-@njit(cache=True, error_model="numpy")
-def pitches_at_moment(
-    limit: float,
-    most: int,
-    polar: Polar,
-    ratio: float,
-    push: float,
-    pull: float,
-    net_buoyancy: float,
-    moment_at_zero: float,
-    moment_slope: float,
-    munk_mass: float,
-    moment_cos: float,
-    moment_sin: float,
-) -> NDArray[np.float64]:
-    """Return the pitch angles within ±`limit` at which forces and moments balance, rad, shape (most,), NaN-padded.
-
-    Other parameters as for `moment_left`.
-    """
-    found = np.full(most, np.nan)
-    count = 0
-    steps = 2 * math.ceil(limit / math.radians(1.0))
-    low, low_value = math.nan, math.nan
-    scale = 0.0
-    for step in range(steps + 1):
-        high = -limit + 2.0 * limit * step / steps
-        high_value = moment_left(
-            high, polar, ratio, push, pull, net_buoyancy,
-            moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
-        )  # fmt: skip
-        if not math.isnan(high_value):
-            scale = max(scale, abs(high_value))
-        if (low_value <= 0.0 < high_value or high_value <= 0.0 < low_value) and count < most:
-            a, b, at_a = low, high, low_value
-            middle, value = a, at_a
-            for _ in range(60):
-                middle = 0.5 * (a + b)
-                value = moment_left(
-                    middle, polar, ratio, push, pull, net_buoyancy,
-                    moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
-                )  # fmt: skip
-                if math.isnan(value) or middle in (a, b):
-                    break
-                if (value <= 0.0) == (at_a <= 0.0):
-                    a, at_a = middle, value
-                else:
-                    b = middle
-            if abs(value) <= 1e-6 * scale:
-                found[count] = middle
-                count += 1
-        low, low_value = high, high_value
-    return found

@@ -13,9 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.model.balance import FIXED_ALPHA, HELD_PITCH, pitches_at_moment, solve
+from pipeline.model.balance import FIXED_ALPHA, HELD_PITCH, solve
 from pipeline.model.dynamics import body_of, jacobian
 from pipeline.model.forces import GRAVITY, propeller_of
+from pipeline.model.moment import pitches_at_moment
 from pipeline.model.sensitivity import sensitivities
 from pipeline.vehicle import Polar, Vehicle
 
