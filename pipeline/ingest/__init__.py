@@ -115,7 +115,7 @@ def ingest(mission: Mission) -> Ingested:
     """
     import numpy as np
 
-    from pipeline.ingest import clock, merge, phases, plausibility, quality, seawater
+    from pipeline.ingest import clock, fixes, merge, phases, plausibility, quality, seawater
     from pipeline.records import RECORDS, conform, timestamps
 
     form = recognise(mission)
@@ -130,8 +130,10 @@ def ingest(mission: Mission) -> Ingested:
     streams = [frame for frame in streams if len(frame)]
     streams, doubts = quality.checked(streams)
     findings += doubts
-    quality.require(streams)
+    quality.require(streams, lost=findings)
     findings += quality.surface_offset(streams)
+    streams, doubts = fixes.checked(streams)
+    findings += doubts
     streams, doubts = seawater.with_sea_water(mission, streams)
     findings += doubts
     place, _ = seawater.position(mission, streams)

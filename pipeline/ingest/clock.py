@@ -15,6 +15,8 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 EARLIEST = pd.Timestamp("1990-01-01", tz="UTC").timestamp()
+#: Records in order that are a stretch of a table, not a handful of garbage.
+_STRETCH = 25
 LATEST = pd.Timestamp("2100-01-01", tz="UTC").timestamp()
 
 
@@ -22,8 +24,8 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
     """Return the records of one instrument with strictly increasing times, and what was wrong with the others.
 
     Times are rounded to the microsecond. Records without a time, before 1990 or after 2100 are dropped; of records out
-    of order the fewest are dropped that leave the rest in order; records of one instant become one, each column its
-    first value.
+    of order the fewest are dropped that leave the rest in order, unless the table was merely written in another order
+    (`unsorted`) and is put in that of time; records of one instant become one, each column its first value.
     """
     time = frame["time"].to_numpy(dtype=np.float64)
     findings: list[Finding] = []
@@ -35,8 +37,13 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
     backwards = np.zeros(0, dtype=np.int64)
     if (steps < 0).any():
         inside = longest_increase(micro)
-        backwards = kept[~inside]
-        kept, micro = kept[inside], micro[inside]
+        if unsorted(micro, inside):
+            findings.append(_sorted(name, kept, steps))
+            order = np.argsort(micro, kind="stable")
+            kept, micro = kept[order], micro[order]
+        else:
+            backwards = kept[~inside]
+            kept, micro = kept[inside], micro[inside]
         steps = np.diff(micro)
     repeated = kept[1:][steps == 0]
     for rows, what, expected in (
@@ -47,7 +54,7 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
     ):
         if rows.size:
             findings.append(_finding(name, int(rows[0]), rows.size, len(frame), time, what, expected))
-    if kept.size == len(frame) and not repeated.size:
+    if kept.size == len(frame) and (np.diff(kept) == 1).all() and not repeated.size:
         result = frame.assign(time=micro / 1e6)
     else:
         result = frame.iloc[kept].assign(time=micro / 1e6)
@@ -56,6 +63,31 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
         result = result.reset_index(drop=True)
     result.attrs = frame.attrs
     return result, findings
+
+
+def unsorted(micro: npt.NDArray[np.int64], inside: Mask) -> bool:
+    """Return whether times, shape (n,), are those of a good clock written in another order.
+
+    So they are where most records are out of order, or where the table is made of stretches, each in order and at
+    least `_STRETCH` records long, that do not overlap in time. A clock that is set back goes twice through the same
+    time.
+
+    Parameters
+    ----------
+    micro
+        Times, µs.
+    inside
+        Which of them are in order (`longest_increase`).
+    """
+    if 2 * int(inside.sum()) < inside.size:
+        return True
+    starts = np.r_[0, np.flatnonzero(np.diff(micro) < 0) + 1]
+    ends = np.r_[starts[1:], micro.size]
+    if (ends - starts).min() < _STRETCH:
+        return False
+    order = np.argsort(micro[starts], kind="stable")
+    first, last = micro[starts[order]], micro[ends[order] - 1]
+    return bool((first[1:] > last[:-1]).all())
 
 
 def longest_increase(values: npt.NDArray[np.int64]) -> Mask:
@@ -104,6 +136,12 @@ def _first_of_each(frame: pd.DataFrame, micro: npt.NDArray[np.int64]) -> pd.Data
         values[rows] = filled[column].to_numpy()
         out[column] = values
     return out
+
+
+def _sorted(name: str, kept: npt.NDArray[np.int64], steps: npt.NDArray[np.int64]) -> Finding:
+    row = int(kept[1:][steps < 0][0])
+    found = f"records that are not in the order of time, {kept.size} in all"
+    return Finding("warning", name, f"record {row + 1}", found, "times that increase", "sorted by time")
 
 
 def _finding(name: str, row: int, count: int, total: int, time: Array, what: str, expected: str) -> Finding:

@@ -17,7 +17,7 @@ from pipeline.ingest.seawater import good
 
 Array = npt.NDArray[np.float64]
 
-SLOWEST, FASTEST = 0.12, 3.0  # m/s through the water that a glider can have
+SLOWEST, FASTEST = 0.12, 2.2  # m/s through the water that a glider can have
 _WINDOW = 60.0  # s over which depth rate and pitch are compared
 _STEEP = math.radians(10.0)
 _MOVING = 0.03  # m/s

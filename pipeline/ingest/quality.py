@@ -7,6 +7,7 @@ Control Manual, doi:10.13155/33951), with limits for a glider's clock.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -144,13 +145,27 @@ def stuck(time: Array, values: Array, pressure_time: Array, pressure: Array) -> 
     return out
 
 
-def require(streams: list[pd.DataFrame], names: tuple[str, ...] = ("pressure", "pitch")) -> None:
-    """Check that each of `names` is measured somewhere.
+def require(
+    streams: list[pd.DataFrame],
+    names: tuple[str, ...] = ("pressure", "pitch"),
+    *,
+    lost: Sequence[Finding] = (),
+) -> None:
+    """Check that each of `names` is measured somewhere, and mostly in the range of its sensor.
+
+    Parameters
+    ----------
+    streams
+        Flagged frames.
+    names
+        What is needed.
+    lost
+        What was found until now: a file or column that was left out is the likeliest reason why one is missing.
 
     Raises
     ------
     InputError
-        If one is missing, or is nothing but NaN or values out of range.
+        If one is missing, is nothing but NaN, or lies out of range more often than not.
     """
     labels = [str(frame.attrs.get("name", "a stream")) for frame in streams]
     for name in names:
@@ -160,11 +175,14 @@ def require(streams: list[pd.DataFrame], names: tuple[str, ...] = ("pressure", "
                 "mission",
                 found=f"no {name} in {', '.join(labels) or 'any file'}",
                 expected=f"a {name} column",
-                remedy="name it under files: … in mission.yaml",
+                remedy=_reason(name, lost) or "name it under files: … in mission.yaml",
             )
-        if any((frame[f"{name}_qc"] == Quality.GOOD).any() for frame in carriers):
+        counts = [
+            (_inside(frame, name), int(np.isfinite(frame[name].to_numpy(dtype=np.float64)).sum())) for frame in carriers
+        ]
+        if any(2 * inside > reported for inside, reported in counts):
             continue
-        frame = carriers[0]
+        frame = carriers[int(np.argmax([reported for _, reported in counts]))]
         column = frame.attrs.get("columns", {}).get(name, name)
         values = frame[name].to_numpy(dtype=np.float64)
         finite = values[np.isfinite(values)]
@@ -184,6 +202,19 @@ def require(streams: list[pd.DataFrame], names: tuple[str, ...] = ("pressure", "
             expected=f"{low:.4g} to {high:.4g} {_UNITS[name]}",
             remedy="correct its unit under files: in mission.yaml",
         )
+
+
+def _inside(frame: pd.DataFrame, name: str) -> int:
+    """Return how many values of `name` lie in the range of its sensor."""
+    return int(within(frame[name].to_numpy(dtype=np.float64), name).sum())
+
+
+def _reason(name: str, lost: Sequence[Finding]) -> str:
+    """Return the finding that says best why `name` is missing: its column was left out, or else a file was."""
+    about = [finding for finding in lost if finding.severity != "note"]
+    columns = [finding for finding in about if name in f"{finding.where} {finding.found}"]
+    files = [finding for finding in about if "left out" in finding.remedy]
+    return next((str(finding) for finding in [*columns, *files]), "")
 
 
 def surface_offset(streams: list[pd.DataFrame]) -> list[Finding]:
@@ -258,11 +289,15 @@ def _flagged(name: str, column: str, what: str, mask: Mask, values: Array) -> Fi
         "in a spike": "what a glider can do between two samples",
         "of a stuck sensor": "changes while depth changes",
     }[what]
+    remedy = "flagged bad and not used"
+    if what == "out of range" and 2 * count > int(np.isfinite(values).sum()):
+        suspected = "mS/cm" if column == "conductivity" else "another"
+        remedy += f"; is its unit {suspected}? correct it under files: in mission.yaml"
     return Finding(
         "warning",
         name,
         f"{column}, record {row + 1}",
         f"{count} value{'s' if count > 1 else ''} {what}, first {values[row]:.6g} {_UNITS[column]}",
         expected,
-        "flagged bad and not used",
+        remedy,
     )

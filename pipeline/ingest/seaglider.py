@@ -115,7 +115,8 @@ def read(mission: Mission) -> Logs:
             mission.folder.name,
             found="no pitch",
             expected="eng_pitchAng in a per-dive file of the basestation",
-            remedy="process the dives again with the basestation",
+            remedy=next((str(finding) for finding in findings if finding.severity == "error"), "")
+            or "process the dives again with the basestation",
         )
     constants, about = _constants(dives)
     stored = _joined("stored", (dive.stored() for dive in dives))

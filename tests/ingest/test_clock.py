@@ -78,4 +78,25 @@ def test_what_is_kept_is_in_order_and_as_much_as_can_be(values: list[int]) -> No
 def test_whatever_the_times_the_result_increases_strictly(time: list[float]) -> None:
     frame, findings = cleaned(_frame(time), "x.csv")
     assert (np.diff(frame["time"]) > 0).all()
-    assert (len(frame) < len(time)) == bool(findings)
+    untouched = len(frame) == len(time) and (np.diff(time) > 0).all()
+    assert untouched != bool(findings)
+
+
+def test_a_table_written_in_another_order_is_sorted_and_loses_nothing() -> None:
+    time = np.arange(1.5e9, 1.5e9 + 100.0)
+    shuffled = np.random.default_rng(3).permutation(time)
+    for written in (time[::-1], np.r_[time[60:], time[:60]], shuffled):
+        found, findings = cleaned(_frame(written.tolist()), "ctd.csv")
+        assert found["time"].tolist() == time.tolist()
+        row = 2 + int(np.argmax(np.diff(written) < 0))
+        assert [str(finding) for finding in findings] == [
+            f"ctd.csv: record {row}: found records that are not in the order of time, 100 in all; "
+            "expected times that increase; sorted by time"
+        ]
+
+
+def test_a_clock_that_is_set_back_is_not_sorted() -> None:
+    time = np.r_[np.arange(1.5e9, 1.5e9 + 100.0), np.arange(1.5e9 + 50.5, 1.5e9 + 200.0)]
+    found, findings = cleaned(_frame(time.tolist()), "ctd.csv")
+    assert "goes backwards" in str(findings[0])
+    assert len(found) == 201

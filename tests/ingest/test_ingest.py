@@ -202,7 +202,7 @@ def test_pressure_in_bar_declared_as_dbar_is_caught(mission: Mission) -> None:
     table.to_csv(mission.folder / "ctd.csv", index=False)
     assert _error(mission) == (
         "ctd.csv: column 'pressure (dbar)': found depth changing by 0.015 m/s at 25° of pitch, a speed of 0.035 m/s; "
-        "expected 0.12 to 3 m/s through the water; "
+        "expected 0.12 to 2.2 m/s through the water; "
         "is the unit of pressure bar? correct it under files: in mission.yaml"
     )
 

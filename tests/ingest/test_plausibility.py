@@ -53,7 +53,7 @@ def test_the_message_says_what_was_found_what_was_expected_and_the_likely_unit(f
         _check(_scaled(table, 0.1))
     assert str(error.value) == (
         "ctd.csv: column 'P': found depth changing by 0.015 m/s at 25° of pitch, a speed of 0.035 m/s; "
-        "expected 0.12 to 3 m/s through the water; "
+        "expected 0.12 to 2.2 m/s through the water; "
         "is the unit of pressure bar? correct it under files: in mission.yaml"
     )
 
@@ -64,7 +64,7 @@ def test_radians_declared_as_degrees_are_caught(fly: Fly, table_of: TableOf) -> 
         _check(table.assign(pitch=np.radians(table["pitch"])))
     assert str(error.value) == (
         "attitude.csv: column 'Pitch': found pitch of 0.44° while depth changes by 0.15 m/s; "
-        "expected a speed through water of 0.12 to 3 m/s; "
+        "expected a speed through water of 0.12 to 2.2 m/s; "
         "is the unit of pitch rad, declared as deg? correct it under files: in mission.yaml"
     )
 

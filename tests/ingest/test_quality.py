@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.findings import InputError
+from pipeline.findings import Finding, InputError
 from pipeline.ingest import quality
 from pipeline.records import Quality
 
@@ -172,3 +172,45 @@ def test_negative_pressure_at_the_surface_is_noted_without_gps() -> None:
     ctd = _stream(time=1.5e9 + np.arange(100.0), pressure=np.linspace(-0.8, 20.0, 100))
     streams, _ = quality.checked([ctd])
     assert quality.surface_offset(streams)[0].found == "-0.80 dbar at its least"
+
+
+def test_a_pitch_that_is_mostly_out_of_range_stops_the_mission_though_some_of_it_is_not() -> None:
+    pitch = np.where(np.arange(100) % 10 == 0, 0.5, 25.0)
+    frame = pd.DataFrame({"time": np.arange(100.0), "pressure": 10.0, "pitch": pitch})
+    frame.attrs = {"name": "attitude.csv", "columns": {"pitch": "Pitch [rad]"}}
+    streams, _ = quality.checked([frame])
+    with pytest.raises(InputError) as error:
+        quality.require(streams)
+    assert str(error.value) == (
+        "attitude.csv: column 'Pitch [rad]': found pitch from 0.5 to 25 rad; expected -1.571 to 1.571 rad; "
+        "correct its unit under files: in mission.yaml"
+    )
+
+
+def test_a_conductivity_that_is_mostly_out_of_range_asks_for_its_unit() -> None:
+    frame = pd.DataFrame({"time": np.arange(50.0), "conductivity": np.linspace(40.0, 42.0, 50)})
+    frame.attrs = {"name": "ctd.csv"}
+    _, findings = quality.checked([frame])
+    assert [str(finding) for finding in findings] == [
+        "ctd.csv: conductivity, record 1: found 50 values out of range, first 40 S/m; expected 0 to 9 S/m; "
+        "flagged bad and not used; is its unit mS/cm? correct it under files: in mission.yaml"
+    ]
+
+
+def test_what_was_left_out_is_named_where_it_is_missed() -> None:
+    frame = pd.DataFrame({"time": [0.0, 1.0], "pitch": [0.1, 0.1]})
+    frame.attrs = {"name": "attitude.csv"}
+    streams, _ = quality.checked([frame])
+    table = Finding("error", "ctd.csv", "", "no table", "a header line and records", "file left out")
+    unit = Finding("warning", "ctd.csv", "column 'P'", "unit 'm' for pressure", "a unit of pressure", "column left out")
+    for lost, reason in (
+        ([table], "ctd.csv: found no table; expected a header line and records; file left out"),
+        (
+            [table, unit],
+            "ctd.csv: column 'P': found unit 'm' for pressure; expected a unit of pressure; column left out",
+        ),
+    ):
+        with pytest.raises(InputError) as error:
+            quality.require(streams, lost=lost)
+        line = f"mission: found no pressure in attitude.csv; expected a pressure column; {reason}"
+        assert str(error.value) == line
