@@ -76,7 +76,7 @@ def plan(raw: Path, processed: Path, reports: Path, engine: Engine = "numba") ->
     """
     if not raw.is_dir():
         raise InputError(str(raw), found="no such folder", expected="a folder of missions")
-    found, strangers = _folders(raw)
+    found, empty, strangers = _folders(raw)
     if not found:
         raise InputError(
             str(raw),
@@ -85,7 +85,7 @@ def plan(raw: Path, processed: Path, reports: Path, engine: Engine = "numba") ->
             remedy="the smallest useful mission.yaml is 'vehicle: slocum-g2'",
         )
     jobs: list[Job] = []
-    failed: list[Outcome] = []
+    failed = [Outcome(folder.name, error=str(_nothing_in(folder))) for folder in empty]
     for folder in found:
         try:
             mission = missions.load(folder)
@@ -113,12 +113,12 @@ def plan(raw: Path, processed: Path, reports: Path, engine: Engine = "numba") ->
     return Plan(unique, failed, strangers)
 
 
-def _folders(raw: Path) -> tuple[list[Path], list[Finding]]:
-    """Return the mission folders in `raw`, and the folders that are none."""
+def _folders(raw: Path) -> tuple[list[Path], list[Path], list[Finding]]:
+    """Return the mission folders in `raw`, the empty ones, and those of files without a mission.yaml."""
     raw = raw if raw.name not in ("", "..") else raw.resolve()
     if (raw / missions.FILE).is_file():
-        return [raw], []
-    found, strangers = [], []
+        return [raw], [], []
+    found, empty, strangers = [], [], []
     for folder in sorted(path for path in raw.iterdir() if path.is_dir() and not path.name.startswith(".")):
         if (folder / missions.FILE).is_file():
             found.append(folder)
@@ -133,7 +133,18 @@ def _folders(raw: Path) -> tuple[list[Path], list[Finding]]:
                     "not analysed; the smallest useful one is 'vehicle: slocum-g2'",
                 )
             )
-    return found, strangers
+        else:
+            empty.append(folder)
+    return found, empty, strangers
+
+
+def _nothing_in(folder: Path) -> InputError:
+    return InputError(
+        f"{folder.parent.name}/{folder.name}",
+        found="an empty folder",
+        expected=f"logs and a {missions.FILE}",
+        remedy="put them there, or remove the folder",
+    )
 
 
 def _name(mission: Mission) -> str:
@@ -183,4 +194,5 @@ def resolve_vehicle(mission: Mission, constants: Mapping[str, float]) -> Vehicle
                 found="an unknown coefficient",
                 remedy=nearest(name, list(vehicles.KNOWN)),
             )
+        vehicles.check_value(name, mission.coefficients[name], missions.FILE)
     return vehicle.with_values(mission.coefficients, source=missions.FILE)
