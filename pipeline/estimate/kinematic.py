@@ -203,7 +203,7 @@ def _left_open(
     base = angles(series, vehicle.polar, solution)
 
     def moved(polar: Polar, pitch_shift: float) -> np.ndarray:
-        _, other = iterate(series, polar, settings, at, options, 2, pitch_shift)
+        _, other = iterate(series, polar, settings, at, options, 1, pitch_shift)
         return np.asarray(angles(series, polar, other) - base)
 
     bias = float(np.radians(mission.pitch.std_deg))
