@@ -19,11 +19,12 @@ from pipeline import instruments, trials
 from pipeline.findings import InputError
 from pipeline.model.dynamics import Body, body_of
 from pipeline.model.forces import GRAVITY, propeller_of
+from pipeline.model.motion import SPACING
 from pipeline.plan import Plan, Sea, engine_volume
 from pipeline.records import TIME, Column, timestamps
 from pipeline.store import write_table
 from pipeline.vehicle import Polar, Vehicle
-from pipeline.voyage import AFTER, DEEPER, SHALLOWER, SPACING, TICK, Rig, fly, gauss_markov
+from pipeline.voyage import AFTER, DEEPER, SHALLOWER, TICK, Rig, fly, gauss_markov
 
 TRUTH = (
     TIME,

@@ -16,14 +16,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.model.dynamics import Body, derivatives
+from pipeline.model.dynamics import Body
 from pipeline.model.forces import GRAVITY, thrust
+from pipeline.model.motion import STATES, Ballast, advance, surroundings
 from pipeline.vehicle import Polar, Propeller
 
 #: Interval of orders, motors, disturbances and truth, s.
 TICK = 1.0
-#: Spacing of the table of the water column, m.
-SPACING = 0.5
 #: A vehicle afloat lies at this depth, m; it leaves heavier than this, N, at this speed, m/s.
 FLOATING_DEPTH, LEAVING_FORCE, LEAVING_SPEED = 0.2, 0.5, 0.1
 
@@ -77,55 +76,6 @@ def gauss_markov(white: NDArray[np.float64], std: float, correlation_time: float
 
 
 @njit(cache=True)
-def _surroundings(depth: float, column: NDArray[np.float64]) -> tuple[float, float]:
-    """Return net buoyancy [N] without engine and density [kg/m³] at `depth` by linear interpolation of `column`."""
-    place = min(max(depth / SPACING, 0.0), column.shape[0] - 1.001)
-    i = int(place)
-    part = place - i
-    return (
-        column[i, 0] + part * (column[i + 1, 0] - column[i, 0]),
-        column[i, 1] + part * (column[i + 1, 1] - column[i, 1]),
-    )
-
-
-@njit(cache=True)
-def _slopes(
-    y: NDArray[np.float64],
-    inputs: NDArray[np.float64],
-    body: Body,
-    polar: Polar,
-    propeller: Propeller,
-    rig: Rig,
-    column: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """Write into `out` the rates of y = (V, γ, α, q, depth, east, north) under `inputs`.
-
-    inputs = (engine volume, battery position, propeller speed, heading, w_w, current east, current north).
-    """
-    hull, density = _surroundings(y[4], column)
-    out[0], out[1], out[2], out[3] = derivatives(
-        y[0],
-        y[1],
-        y[2],
-        y[3],
-        body,
-        polar,
-        propeller,
-        density / rig.reference_density,
-        density,
-        hull + GRAVITY * density * inputs[0],
-        inputs[2],
-        -rig.battery_weight * (inputs[1] + rig.battery_offset - rig.battery_neutral),
-        rig.righting_moment,
-    )
-    level = y[0] * math.cos(y[1])
-    out[4] = -y[0] * math.sin(y[1]) - inputs[4]
-    out[5] = level * math.sin(inputs[3]) + inputs[5]
-    out[6] = level * math.cos(inputs[3]) + inputs[6]
-
-
-@njit(cache=True)
 def _toward(value: float, target: float, rate: float) -> float:
     """Return the rate at which `value` moves to `target` within one tick, at most `rate` either way."""
     return min(max((target - value) / TICK, -rate), rate)
@@ -153,7 +103,7 @@ def fly(
     body, polar, propeller, rig
         The vehicle.
     column
-        Net buoyancy without engine [N] and density [kg/m³] every `SPACING` metres from the surface.
+        Net buoyancy without engine [N] and density [kg/m³] every `motion.SPACING` metres from the surface.
     """
     ticks = disturbances.shape[0] - 1
     out = np.empty((ticks, 18))
@@ -164,9 +114,10 @@ def fly(
     now[0] = stages[0, 1]
     now[3] = stages[0, 3]
     rate = np.zeros(7)
-    middle = np.empty(7)
-    last = np.empty(7)
-    k1, k2, k3, k4, probe = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    work = np.empty((7, STATES))
+    ballast = Ballast(
+        rig.reference_density, rig.battery_weight, rig.battery_neutral, rig.battery_offset, rig.righting_moment
+    )
     step = TICK / rig.substeps
     afloat, stage, elapsed = True, 0, 0.0
     reference, error = y[1], 0.0
@@ -183,7 +134,7 @@ def fly(
                 return out[:k], True
         order = stages[stage]
         elapsed += TICK
-        hull, density = _surroundings(y[4], column)
+        hull, density = surroundings(y[4], column)
         force = hull + GRAVITY * density * now[0]
         if not afloat and (order[6] == 1.0 or y[4] < 0.0):
             afloat = True
@@ -234,17 +185,7 @@ def fly(
             now += TICK * rate
         else:
             for _ in range(rig.substeps):
-                middle[:] = now + 0.5 * step * rate
-                last[:] = now + step * rate
-                _slopes(y, now, body, polar, propeller, rig, column, k1)
-                probe[:] = y + 0.5 * step * k1
-                _slopes(probe, middle, body, polar, propeller, rig, column, k2)
-                probe[:] = y + 0.5 * step * k2
-                _slopes(probe, middle, body, polar, propeller, rig, column, k3)
-                probe[:] = y + step * k3
-                _slopes(probe, last, body, polar, propeller, rig, column, k4)
-                y += step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                now[:] = last
+                advance(y, now, rate, step, body, polar, propeller, ballast, column, work)
             if not abs(y[1] + y[2]) < math.pi:  # tumbled for want of flow, or not a number
                 return out[: k + 1], False
     return out, False

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.model.dynamics import body_of, jacobian, trajectory
-from pipeline.model.forces import propeller_of
+from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.stability import stable_range
 from pipeline.model.steady import steady_state, trim_at_moment, trim_at_pitch
+from pipeline.model.trajectory import Inputs, simulate
 from pipeline.vehicle import Vehicle
 
 Cases = dict[str, Any]
@@ -110,6 +111,17 @@ def test_group_d_trajectories(cases: Cases, vehicle_of: Maker) -> None:
             moment_cos=inputs["Mc"],
             moment_sin=inputs["Ms"],
         )
+        np.testing.assert_allclose(flown, np.array(case["x"]), rtol=0.0, atol=1e-8)
+
+
+def test_group_d_trajectories_by_the_compiled_integrator(cases: Cases, vehicle_of: Maker) -> None:
+    for case in cases["d"]:
+        inputs = case["inputs"]
+        vehicle = vehicle_of(inputs).with_values({"righting_moment": inputs["Ms"]}, "reference case")
+        position = -inputs["Mc"] / (vehicle["battery_mass"] * GRAVITY) + vehicle["battery_neutral_position"]
+        schedule = Inputs(0.0, inputs["G"], position, inputs["n"] / 60.0)
+        flight = simulate(vehicle, inputs["x0"], schedule, case["t"], step=2e-3)
+        flown = np.column_stack([flight.speed, flight.path_angle, flight.angle_of_attack, flight.pitch_rate])
         np.testing.assert_allclose(flown, np.array(case["x"]), rtol=0.0, atol=1e-8)
 
 
