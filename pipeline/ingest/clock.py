@@ -158,4 +158,4 @@ def _finding(name: str, row: int, count: int, total: int, time: Array, what: str
 
 def _readable(time: float) -> str:
     """Return a POSIX time as UTC text where the calendar has it, else as a number."""
-    return f"{pd.Timestamp(time, unit='s').isoformat()}Z" if EARLIEST <= time < LATEST else f"{time:g}"
+    return f"{pd.Timestamp(time, unit='s').round('us').isoformat()}Z" if EARLIEST <= time < LATEST else f"{time:g}"

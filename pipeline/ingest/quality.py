@@ -59,9 +59,15 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
     for frame in streams:
         name = str(frame.attrs.get("name", "stream"))
         flags: dict[str, npt.NDArray[np.int8]] = {}
+        measured: dict[str, Array] = {}
         for column in (column for column in NAMES if column in frame):
             values = frame[column].to_numpy(dtype=np.float64)
             time = frame["time"].to_numpy(dtype=np.float64)
+            infinite = np.isinf(values)
+            if infinite.any():
+                findings.append(_infinite(name, column, infinite))
+                values = np.where(infinite, np.nan, values)
+                measured[column] = values
             missing = ~np.isfinite(values)
             flag = np.where(missing, Quality.MISSING, Quality.GOOD).astype(np.int8)
             if missing.all():
@@ -84,7 +90,7 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
                     flag[mask] = Quality.BAD
                     findings.append(_flagged(name, column, what, mask, values))
             flags[f"{column}_qc"] = _worse(flag, frame.get(f"{column}_qc"))
-        result = frame.assign(**flags)
+        result = frame.assign(**measured, **flags)
         result.attrs = frame.attrs
         out.append(result)
     return out, findings
@@ -279,6 +285,12 @@ def _worse(flag: npt.NDArray[np.int8], given: pd.Series | None) -> npt.NDArray[n
     theirs = given.to_numpy(dtype=np.int8)
     ranked = (theirs >= Quality.GOOD) & (theirs <= Quality.BAD) & (flag != Quality.MISSING)
     return np.where(ranked, np.maximum(flag, theirs), flag).astype(np.int8)
+
+
+def _infinite(name: str, column: str, mask: Mask) -> Finding:
+    row, count = int(np.argmax(mask)), int(mask.sum())
+    found = f"{count} infinite value{'s' if count > 1 else ''}"
+    return Finding("warning", name, f"{column}, record {row + 1}", found, "a number", "left out")
 
 
 def _flagged(name: str, column: str, what: str, mask: Mask, values: Array) -> Finding:

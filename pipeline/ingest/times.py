@@ -64,7 +64,8 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
     Parameters
     ----------
     texts
-        ISO 8601, or ``31/12/2016 23:59:59`` where the day can be told from the month.
+        ISO 8601 (seconds with a decimal point or comma), or ``31/12/2016 23:59:59`` where the day can be told from the
+        month.
     unit
         A `strptime` format, if the text is neither; "iso" or None otherwise.
     timezone
@@ -81,6 +82,7 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
     import pandas as pd
 
     zone = _zone(timezone, file)
+    texts = texts.str.replace(r"(:\d{2}),(\d)", r"\1.\2", regex=True)
     layout = unit if unit and "%" in unit else _layout(texts, file, column)
     zoned = texts.str.contains(_ZONE.pattern, regex=True, flags=re.IGNORECASE, na=False)
     out = np.full(len(texts), np.nan)
@@ -92,11 +94,23 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
             part = part.str.replace(r"\s*(?:UTC|GMT|Z)\s*$", "+00:00", regex=True, flags=re.IGNORECASE)
             parsed = pd.to_datetime(part, format=layout + "%z" if "%" in layout else layout, utc=True, errors="coerce")
         else:
-            local = pd.to_datetime(part, format=layout, errors="coerce")
-            parsed = local.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
+            parsed = _localised(pd.to_datetime(part, format=layout, errors="coerce"), zone).dt.tz_convert("UTC")
         stamps = pd.DatetimeIndex(parsed).as_unit("ns")
         out[mask.to_numpy()] = np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
     return out
+
+
+def _localised(local: pd.Series[Any], zone: ZoneInfo) -> pd.Series[Any]:
+    """Return local times in their zone; the hour that comes twice in autumn is told apart by the order of the records.
+
+    NaT where the order does not tell, and in the hour that spring leaves out.
+    """
+    zoned: pd.Series[Any]
+    try:
+        zoned = local.dt.tz_localize(zone, ambiguous="infer", nonexistent="NaT")
+    except ValueError:
+        zoned = local.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
+    return zoned
 
 
 def _zone(name: str, file: str) -> ZoneInfo:

@@ -157,7 +157,10 @@ def flight(
         lost = ~guess["observable"].to_numpy(dtype=bool)
         stretches = spans(clock(t_guess, begin)[0], lost, least=scale(unit) * 10.0)
         shade(axes["speed"], stretches[:500], "speed not observable")
-        axes["speed"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.2, columnspacing=1.4)
+        if axes["speed"].get_legend_handles_labels()[0]:
+            axes["speed"].legend(
+                loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.2, columnspacing=1.4
+            )
         axes[panels[-1]].set_xlabel(since(begin, unit))
         axes[panels[-1]].margins(x=0.01)
         figure.align_ylabels(list(axes.values()))

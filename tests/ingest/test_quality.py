@@ -214,3 +214,14 @@ def test_what_was_left_out_is_named_where_it_is_missed() -> None:
             quality.require(streams, lost=lost)
         line = f"mission: found no pressure in attitude.csv; expected a pressure column; {reason}"
         assert str(error.value) == line
+
+
+def test_infinite_values_are_left_out_and_counted() -> None:
+    frame = pd.DataFrame({"time": np.arange(4.0), "temperature": [10.0, np.inf, -np.inf, 10.1]})
+    frame.attrs = {"name": "ctd.csv"}
+    (found,), findings = quality.checked([frame])
+    assert found["temperature"].isna().tolist() == [False, True, True, False]
+    assert found["temperature_qc"].tolist() == [Quality.GOOD, Quality.MISSING, Quality.MISSING, Quality.GOOD]
+    assert [str(finding) for finding in findings] == [
+        "ctd.csv: temperature, record 2: found 2 infinite values; expected a number; left out"
+    ]

@@ -424,3 +424,15 @@ def test_seaexplorer_text_is_read_through_a_mapping(data: Path, make: Callable[.
     assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
     assert attitude["latitude"].iloc[0] == pytest.approx(55.4897, abs=1e-4)
     assert ctd["pressure"].iloc[0] == pytest.approx(2.4714)
+
+
+def test_the_hour_that_comes_twice_in_autumn_is_told_by_the_order_of_the_records() -> None:
+    local = ["2015-10-25 02:30:00", "2015-10-25 02:50:00", "2015-10-25 02:10:00", "2015-10-25 02:55:00"]
+    utc = ["2015-10-25T00:30:00", "2015-10-25T00:50:00", "2015-10-25T01:10:00", "2015-10-25T01:55:00"]
+    found = times.textual(pd.Series(local, dtype="object"), None, "Europe/Berlin", "f.csv", "t")
+    assert found.tolist() == [pd.Timestamp(text, tz="UTC").timestamp() for text in utc]
+
+
+def test_seconds_may_have_a_decimal_comma() -> None:
+    found = times.textual(pd.Series(["2015-10-25T02:30:00,250Z"], dtype="object"), None, "UTC", "f.csv", "t")
+    assert found.tolist() == [pd.Timestamp("2015-10-25T02:30:00.25", tz="UTC").timestamp()]
