@@ -37,7 +37,7 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     finite = values[np.isfinite(values)]
     if unit is None:
         middle = float(np.median(finite)) if finite.size else 0.0
-        unit = "s" if middle < 1e11 else "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
+        unit = "s" if middle < 1e11 else "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns" if middle < 1e20 else "s"
     if unit not in UNITS:
         raise InputError(
             file,
