@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Seconds per unit of a numeric time.
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+#: Units by the least number that today is in them.
+_SIZES = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
 _YEAR_1990 = 631152000.0
 _ZONE = re.compile(r"(?:Z|UTC|GMT|[+-]\d{2}:?\d{2})\s*$", re.IGNORECASE)
 _SLASHED = re.compile(r"^\s*(\d{1,2})[/.](\d{1,2})[/.](\d{4})")
@@ -37,7 +39,7 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     finite = values[np.isfinite(values)]
     if unit is None:
         middle = float(np.median(finite)) if finite.size else 0.0
-        unit = "s" if middle < 1e11 else "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns" if middle < 1e20 else "s"
+        unit = next((finer for finer, least in _SIZES if least <= middle < 1e20), "s")
     if unit not in UNITS:
         raise InputError(
             file,
