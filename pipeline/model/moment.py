@@ -70,10 +70,26 @@ def pitches_at_moment(
             high, polar, ratio, push, pull, net_buoyancy,
             moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
         )  # fmt: skip
-        if not math.isnan(high_value):
-            scale = max(scale, abs(high_value))
-        if (low_value <= 0.0 < high_value or high_value <= 0.0 < low_value) and count < most:
-            a, b, at_a = low, high, low_value
+        a, at_a, b, at_b = low, low_value, high, high_value
+        if step > 0 and math.isnan(at_a) != math.isnan(at_b):
+            inside, outside = (b, a) if math.isnan(at_a) else (a, b)
+            edge_value = math.nan
+            for _ in range(45):
+                middle = 0.5 * (inside + outside)
+                value = moment_left(
+                    middle, polar, ratio, push, pull, net_buoyancy,
+                    moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
+                )  # fmt: skip
+                if math.isnan(value):
+                    outside = middle
+                else:
+                    inside, edge_value = middle, value
+            if math.isnan(at_a):
+                a, at_a = inside, edge_value
+            else:
+                b, at_b = inside, edge_value
+        scale = max(scale, 0.0 if math.isnan(at_a) else abs(at_a), 0.0 if math.isnan(at_b) else abs(at_b))
+        if (at_a <= 0.0 < at_b or at_b <= 0.0 < at_a) and count < most:
             middle, value = a, at_a
             for _ in range(60):
                 middle = 0.5 * (a + b)

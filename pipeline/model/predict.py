@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from pipeline.model.case import MAX_PROPELLER_SPEED
 from pipeline.model.sensitivity import Slope, Trim, sensitivities
 from pipeline.model.stability import stable_range
 from pipeline.model.steady import (
     MAX_ANGLE_OF_ATTACK,
-    MAX_PROPELLER_SPEED,
     Signs,
     Steady,
     steady_state,

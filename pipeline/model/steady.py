@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.model.balance import FIXED_ALPHA, HELD_PITCH, solve
+from pipeline.model.case import NO_THRUST_LAW as NO_THRUST_LAW
+from pipeline.model.case import Case, plain, refuse, unknown
 from pipeline.model.dynamics import body_of, jacobian
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.moment import pitches_at_moment
@@ -24,12 +26,13 @@ Signs = Literal["physical", "paper"]
 Array = NDArray[np.float64]
 
 MAX_ANGLE_OF_ATTACK = 0.5
-MAX_PROPELLER_SPEED = 100.0
 #: Pitch within which moment balance is sought, rad.
 MAX_TRIM_PITCH = math.radians(80.0)
-_MOST_TRIMS = 6
+#: Trims of one case that are looked for.
+MOST_TRIMS = 6
 
-NO_THRUST_LAW = "powered, but the vehicle file has no thrust law"
+#: The numbers of `Steady`.
+QUANTITIES = ("speed", "path_angle", "angle_of_attack", "pitch", "thrust", "advance_ratio", "required_moment")
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,28 @@ class Steady:
     thrust: Array
     advance_ratio: Array
     required_moment: Array
+    reason: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Trims:
+    """All steady flights of each case in moment balance, by rising pitch along a last axis of `MOST_TRIMS`.
+
+    Attributes
+    ----------
+    steady
+        The flights, shape (..., 6); NaN beyond the last.
+    eigenvalues
+        Eigenvalues of the dynamics (V, γ, α, q) at each, with the propeller speed held, 1/s, shape (..., 6, 4).
+    stable
+        Whether all four decay, shape (..., 6).
+    reason
+        Why a case has no trim at all, "" where it has one, shape (...).
+    """
+
+    steady: Steady
+    eigenvalues: NDArray[np.complex128]
+    stable: NDArray[np.bool_]
     reason: NDArray[Any]
 
 
@@ -174,50 +199,84 @@ def trim_at_moment(
     ValueError
         As for `steady_state`, or if not exactly one of battery position and moment is given.
     """
+    trims = trims_at_moment(
+        vehicle,
+        net_buoyancy,
+        battery_position=battery_position,
+        moment_cos=moment_cos,
+        propeller_speed=propeller_speed,
+        density=density,
+    )
+    steepness = np.where(trims.stable, np.abs(trims.steady.pitch), np.inf)
+    choice = np.argmin(steepness, axis=-1)[..., None]
+    found = trims.stable.any(axis=-1)
+    arrays = {
+        name: np.where(found, np.take_along_axis(getattr(trims.steady, name), choice, axis=-1)[..., 0], np.nan)
+        for name in QUANTITIES
+    }
+    unstable = "no equilibrium: no trim within 80 degrees of level is stable"
+    reason = np.where(found, "", np.where(trims.reason == "", unstable, trims.reason))
+    return Steady(**arrays, reason=np.asarray(reason, dtype=object))
+
+
+def trims_at_moment(
+    vehicle: Vehicle,
+    net_buoyancy: ArrayLike,
+    *,
+    battery_position: ArrayLike | None = None,
+    moment_cos: ArrayLike | None = None,
+    propeller_speed: ArrayLike | None = None,
+    density: ArrayLike | None = None,
+) -> Trims:
+    """Return all steady flights within 80° of level in which forces and moments balance, with their eigenvalues.
+
+    Pitch is searched degree by degree: two trims nearer to each other than that may be missed. Of several speeds
+    that balance at one pitch the largest is meant. Arguments and errors as for `trim_at_moment`.
+
+    Examples
+    --------
+    >>> from pipeline.vehicle import load
+    >>> trims = trims_at_moment(load("petrel-ii"), -5.0, battery_position=0.02)
+    >>> int(trims.stable.sum())
+    1
+    """
     if (battery_position is None) == (moment_cos is None):
         raise ValueError("found both or neither of battery_position and moment_cos; give one of them")
     if battery_position is not None:
         offset = np.asarray(battery_position, dtype=np.float64) - vehicle["battery_neutral_position"]
         moment_cos = -vehicle["battery_mass"] * GRAVITY * offset
-    case = _Case.of(vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, density)
-    body, polar, propeller = body_of(vehicle), _plain(vehicle), propeller_of(vehicle)
+    case = Case.of(vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, density)
+    body, polar, propeller = body_of(vehicle), plain(vehicle), propeller_of(vehicle)
     moment_sin = vehicle["righting_moment"]
-    munk_mass = body.mass_normal - body.mass_forward
-    unknown = _unknown(vehicle, (*Polar._fields, *body._fields, "reference_density", "righting_moment"))
+    missing = unknown(vehicle, (*Polar._fields, *body._fields, "reference_density", "righting_moment"))
     if battery_position is not None:
-        unknown += _unknown(vehicle, ("battery_mass", "battery_neutral_position"))
+        missing += unknown(vehicle, ("battery_mass", "battery_neutral_position"))
+    reason = case.reason(missing, "moment_cos" if battery_position is None else "battery_position")
 
-    pitch = np.full(case.size, np.nan)
-    reason = case.reason(unknown, "moment_cos" if battery_position is None else "battery_position")
+    pitch = np.full((case.size, MOST_TRIMS), np.nan)
     for i in np.flatnonzero(reason == ""):
-        candidates = pitches_at_moment(
-            MAX_TRIM_PITCH, _MOST_TRIMS, polar, case.ratio[i], case.push[i], case.pull[i], case.net_buoyancy[i],
-            body.moment_at_zero, body.moment_slope, munk_mass, case.held[i], moment_sin,
+        pitch[i] = pitches_at_moment(
+            MAX_TRIM_PITCH, MOST_TRIMS, polar, case.ratio[i], case.push[i], case.pull[i], case.net_buoyancy[i],
+            body.moment_at_zero, body.moment_slope, body.mass_normal - body.mass_forward, case.held[i], moment_sin,
         )  # fmt: skip
-        candidates = candidates[np.isfinite(candidates)]
-        if not candidates.size:
-            reason[i] = "no equilibrium: forces and moments balance nowhere within 80 degrees of level"
-            continue
-        repeat = np.ones(candidates.size)
-        speed, path_angle, alpha = solve(
-            HELD_PITCH, candidates, polar, case.ratio[i] * repeat, case.push[i] * repeat, case.pull[i] * repeat,
-            case.net_buoyancy[i] * repeat, 1.0,
+    none = np.isnan(pitch).all(axis=1)
+    reason[(reason == "") & none] = "no equilibrium: forces and moments balance nowhere within 80 degrees of level"
+    each = case.repeated(MOST_TRIMS)
+    blank = np.where(np.isnan(pitch), np.where(none, reason, "no further trim")[:, None], "").ravel()
+    steady = _finish(HELD_PITCH, vehicle, each, pitch.ravel(), blank, 1.0)
+
+    flat = [getattr(steady, name).ravel() for name in ("speed", "path_angle", "angle_of_attack")]
+    eigenvalues = np.full((each.size, 4), np.nan, dtype=np.complex128)
+    for k in np.flatnonzero(np.isfinite(flat[0])):
+        v, gamma, alpha = (values[k] for values in flat)
+        eigenvalues[k] = np.linalg.eigvals(
+            jacobian(
+                v, gamma, alpha, 0.0, body, polar, propeller, each.ratio[k], each.density[k],
+                each.net_buoyancy[k], each.propeller_speed[k], each.held[k], moment_sin,
+            )
         )  # fmt: skip
-        decays = [
-            np.linalg.eigvals(
-                jacobian(
-                    v, gamma, a, 0.0, body, polar, propeller, case.ratio[i], case.density[i],
-                    case.net_buoyancy[i], case.propeller_speed[i], case.held[i], moment_sin,
-                )
-            ).real.max() < 0.0
-            for v, gamma, a in zip(speed, path_angle, alpha, strict=True)
-        ]  # fmt: skip
-        stable = candidates[decays]
-        if stable.size:
-            pitch[i] = stable[np.argmin(np.abs(stable))]
-        else:
-            reason[i] = "no equilibrium: no trim within 80 degrees of level is stable"
-    return _finish(HELD_PITCH, vehicle, case, pitch, reason, 1.0)
+    stable = np.isfinite(flat[0]) & (eigenvalues.real.max(axis=1) < 0.0)
+    return Trims(steady, eigenvalues.reshape(*each.shape, 4), stable.reshape(each.shape), reason.reshape(case.shape))
 
 
 def trim_sensitivities(
@@ -248,76 +307,6 @@ def trim_sensitivities(
     return {name: (slope.speed, slope.path_angle) for name, slope in found.items()}
 
 
-@dataclass(frozen=True)
-class _Case:
-    """Inputs broadcast to one shape and laid out flat: thrust as a + b V, density as a ratio."""
-
-    shape: tuple[int, ...]
-    net_buoyancy: Array
-    held: Array
-    push: Array
-    pull: Array
-    ratio: Array
-    density: Array
-    propeller_speed: Array
-    no_thrust_law: NDArray[np.bool_]
-
-    @property
-    def size(self) -> int:
-        return self.held.size
-
-    @classmethod
-    def of(
-        cls,
-        vehicle: Vehicle,
-        net_buoyancy: ArrayLike,
-        held: ArrayLike,
-        thrust: ArrayLike | None,
-        propeller_speed: ArrayLike | None,
-        density: ArrayLike | None,
-    ) -> _Case:
-        if thrust is not None and propeller_speed is not None:
-            raise ValueError("found both thrust and propeller_speed; give one of them")
-        reference = vehicle["reference_density"]
-        arrays = np.broadcast_arrays(
-            np.asarray(net_buoyancy, dtype=np.float64),
-            np.asarray(held, dtype=np.float64),
-            np.asarray(0.0 if thrust is None else thrust, dtype=np.float64),
-            np.asarray(0.0 if propeller_speed is None else propeller_speed, dtype=np.float64),
-            np.asarray(reference if density is None else density, dtype=np.float64),
-        )
-        shape = arrays[0].shape
-        buoyancy, angle, given, turning, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
-        _refuse("density", actual, actual <= 0.0, "a positive number of kg/m3")
-        _refuse(
-            "propeller_speed",
-            turning,
-            np.abs(turning) > MAX_PROPELLER_SPEED,
-            f"at most {MAX_PROPELLER_SPEED:g} rev/s; rev/s, not rpm?",
-        )
-        law = propeller_of(vehicle)
-        flow = actual * law.diameter**3 * turning
-        push = np.where(turning == 0.0, given, flow * law.thrust_static * law.diameter * turning)
-        missing = (turning != 0.0) & (vehicle.propeller is None)
-        return cls(shape, buoyancy, angle, push, flow * law.thrust_slope, actual / reference, actual, turning, missing)
-
-    def reason(self, unknown: list[str], held: str) -> NDArray[Any]:
-        """Return why a case cannot be computed at all, "" where it can, shape (n,)."""
-        reason = np.full(self.size, "", dtype=object)
-        reason[(self.net_buoyancy == 0.0) & (self.push == 0.0)] = "no equilibrium: neither net buoyancy nor thrust"
-        reason[self.no_thrust_law] = NO_THRUST_LAW
-        for name, values in (
-            ("density", self.density),
-            ("propeller_speed or thrust", self.push),
-            (held, self.held),
-            ("net_buoyancy", self.net_buoyancy),
-        ):
-            reason[~np.isfinite(values)] = f"no {name} given"
-        if unknown:
-            reason[:] = f"the vehicle file leaves {', '.join(unknown)} unknown"
-        return reason
-
-
 def _balanced(
     mode: int,
     vehicle: Vehicle,
@@ -328,10 +317,10 @@ def _balanced(
     density: ArrayLike | None,
     signs: Signs,
 ) -> Steady:
-    case = _Case.of(vehicle, net_buoyancy, held, thrust, propeller_speed, density)
+    case = Case.of(vehicle, net_buoyancy, held, thrust, propeller_speed, density)
     name, limit = ("angle_of_attack", MAX_ANGLE_OF_ATTACK) if mode == FIXED_ALPHA else ("pitch", 0.5 * math.pi)
-    _refuse(name, case.held, np.abs(case.held) > limit * (1.0 + 1e-12), f"at most {limit:.4g} rad; degrees?")
-    reason = case.reason(_unknown(vehicle, (*Polar._fields, "reference_density")), name)
+    refuse(name, case.held, np.abs(case.held) > limit * (1.0 + 1e-12), f"at most {limit:.4g} rad; degrees?")
+    reason = case.reason(unknown(vehicle, (*Polar._fields, "reference_density")), name)
     if mode == FIXED_ALPHA:
         undetermined = (reason == "") & (case.net_buoyancy == 0.0)
         reason[undetermined] = "no equilibrium: without net buoyancy the path is undetermined at a held angle of attack"
@@ -339,10 +328,10 @@ def _balanced(
     return _finish(mode, vehicle, case, held_angle, reason, 1.0 if signs == "physical" else -1.0)
 
 
-def _finish(mode: int, vehicle: Vehicle, case: _Case, held: Array, reason: NDArray[Any], sign: float) -> Steady:
+def _finish(mode: int, vehicle: Vehicle, case: Case, held: Array, reason: NDArray[Any], sign: float) -> Steady:
     """Return steady flight at the angles `held` (NaN where `reason` says why not), in the shape of the inputs."""
     speed, path_angle, alpha = solve(
-        mode, held, _plain(vehicle), case.ratio, case.push, case.pull, case.net_buoyancy, sign
+        mode, held, plain(vehicle), case.ratio, case.push, case.pull, case.net_buoyancy, sign
     )
     what = "angle of attack" if mode == FIXED_ALPHA else "pitch (too shallow, or against the net buoyancy)"
     reason[(reason == "") & np.isnan(speed)] = f"no equilibrium: the forces do not balance at this {what}"
@@ -362,18 +351,3 @@ def _finish(mode: int, vehicle: Vehicle, case: _Case, held: Array, reason: NDArr
         reason,
     )
     return Steady(*(array.reshape(case.shape) for array in arrays))
-
-
-def _plain(vehicle: Vehicle) -> Polar:
-    """Return the polar as floats, so that the compiled kernels see one type."""
-    return Polar(*(float(value) for value in vehicle.polar))
-
-
-def _unknown(vehicle: Vehicle, names: tuple[str, ...]) -> list[str]:
-    return [name for name in names if math.isnan(vehicle[name])]
-
-
-def _refuse(name: str, values: Array, wrong: NDArray[np.bool_], expected: str) -> None:
-    """Raise for the first of `values` that is `wrong`."""
-    if wrong.any():
-        raise ValueError(f"{name}: found {values[wrong][0]:g}; expected {expected}")

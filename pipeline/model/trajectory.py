@@ -14,10 +14,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.model.case import MAX_PROPELLER_SPEED, NO_THRUST_LAW
 from pipeline.model.dynamics import Body, body_of
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.motion import STATES, Ballast, advance, rates
-from pipeline.model.steady import MAX_ANGLE_OF_ATTACK, MAX_PROPELLER_SPEED, NO_THRUST_LAW
+from pipeline.model.steady import MAX_ANGLE_OF_ATTACK
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import pytest
 from pipeline.model.dynamics import body_of, jacobian, trajectory
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.stability import stable_range
-from pipeline.model.steady import steady_state, trim_at_moment, trim_at_pitch
+from pipeline.model.steady import steady_state, trim_at_moment, trim_at_pitch, trims_at_moment
 from pipeline.model.trajectory import Inputs, simulate
 from pipeline.vehicle import Vehicle
 
@@ -97,6 +97,18 @@ def test_group_c_moment_balance(cases: Cases, vehicle_of: Maker) -> None:
         assert float(state.pitch) == pytest.approx(case["design_theta"], **STEADY)
         expected = next(s for s in case["solutions"] if abs(s["theta"] - case["design_theta"]) < 1e-9)
         check_steady(state, expected)
+
+
+def test_group_c_moment_balance_all_trims_and_their_stability(cases: Cases, vehicle_of: Maker) -> None:
+    for case in cases["c_moment"]:
+        inputs = case["inputs"]
+        vehicle = vehicle_of(inputs).with_values({"righting_moment": inputs["Ms"]}, "reference case")
+        trims = trims_at_moment(vehicle, inputs["G"], moment_cos=inputs["Mc"], propeller_speed=inputs["n"] / 60.0)
+        for expected in case["solutions"]:
+            k = int(np.nanargmin(np.abs(trims.steady.pitch - expected["theta"])))
+            for name, symbol in {"pitch": "theta", "speed": "V", "required_moment": "M_required"}.items():
+                assert float(getattr(trims.steady, name)[k]) == pytest.approx(expected[symbol], **STEADY), name
+            assert bool(trims.stable[k]) == expected["stable"]
 
 
 def test_group_d_trajectories(cases: Cases, vehicle_of: Maker) -> None:

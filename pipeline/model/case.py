@@ -1,0 +1,118 @@
+"""Inputs of steady flight: broadcast, checked, and laid out flat for the compiled solvers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.model.forces import propeller_of
+from pipeline.vehicle import Polar, Vehicle
+
+Array = NDArray[np.float64]
+
+MAX_PROPELLER_SPEED = 100.0
+
+NO_THRUST_LAW = "powered, but the vehicle file has no thrust law"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Inputs broadcast to one shape and laid out flat: thrust as a + b V, density as a ratio."""
+
+    shape: tuple[int, ...]
+    net_buoyancy: Array
+    held: Array
+    push: Array
+    pull: Array
+    ratio: Array
+    density: Array
+    propeller_speed: Array
+    no_thrust_law: NDArray[np.bool_]
+
+    def repeated(self, count: int) -> Case:
+        """Return every case `count` times in a row, along a new last axis."""
+        arrays = (getattr(self, field.name) for field in fields(self)[1:])
+        return Case((*self.shape, count), *(np.repeat(array, count) for array in arrays))
+
+    @property
+    def size(self) -> int:
+        """Number of cases n."""
+        return self.held.size
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle,
+        net_buoyancy: ArrayLike,
+        held: ArrayLike,
+        thrust: ArrayLike | None,
+        propeller_speed: ArrayLike | None,
+        density: ArrayLike | None,
+    ) -> Case:
+        """Return the inputs of `steady_state` and its kin as one case each.
+
+        Raises
+        ------
+        ValueError
+            If both thrust and propeller speed are given, a density is not positive, or a speed looks like rpm.
+        """
+        if thrust is not None and propeller_speed is not None:
+            raise ValueError("found both thrust and propeller_speed; give one of them")
+        reference = vehicle["reference_density"]
+        arrays = np.broadcast_arrays(
+            np.asarray(net_buoyancy, dtype=np.float64),
+            np.asarray(held, dtype=np.float64),
+            np.asarray(0.0 if thrust is None else thrust, dtype=np.float64),
+            np.asarray(0.0 if propeller_speed is None else propeller_speed, dtype=np.float64),
+            np.asarray(reference if density is None else density, dtype=np.float64),
+        )
+        shape = arrays[0].shape
+        buoyancy, angle, given, turning, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
+        refuse("density", actual, actual <= 0.0, "a positive number of kg/m3")
+        refuse(
+            "propeller_speed",
+            turning,
+            np.abs(turning) > MAX_PROPELLER_SPEED,
+            f"at most {MAX_PROPELLER_SPEED:g} rev/s; rev/s, not rpm?",
+        )
+        law = propeller_of(vehicle)
+        flow = actual * law.diameter**3 * turning
+        push = np.where(turning == 0.0, given, flow * law.thrust_static * law.diameter * turning)
+        missing = (turning != 0.0) & (vehicle.propeller is None)
+        return cls(shape, buoyancy, angle, push, flow * law.thrust_slope, actual / reference, actual, turning, missing)
+
+    def reason(self, unknown: list[str], held: str) -> NDArray[Any]:
+        """Return why a case cannot be computed at all, "" where it can, shape (n,)."""
+        reason = np.full(self.size, "", dtype=object)
+        reason[(self.net_buoyancy == 0.0) & (self.push == 0.0)] = "no equilibrium: neither net buoyancy nor thrust"
+        reason[self.no_thrust_law] = NO_THRUST_LAW
+        for name, values in (
+            ("density", self.density),
+            ("propeller_speed or thrust", self.push),
+            (held, self.held),
+            ("net_buoyancy", self.net_buoyancy),
+        ):
+            reason[~np.isfinite(values)] = f"no {name} given"
+        if unknown:
+            reason[:] = f"the vehicle file leaves {', '.join(unknown)} unknown"
+        return reason
+
+
+def plain(vehicle: Vehicle) -> Polar:
+    """Return the polar as floats, so that the compiled kernels see one type."""
+    return Polar(*(float(value) for value in vehicle.polar))
+
+
+def unknown(vehicle: Vehicle, names: tuple[str, ...]) -> list[str]:
+    """Return those of the coefficients `names` that the vehicle file leaves unknown."""
+    return [name for name in names if math.isnan(vehicle[name])]
+
+
+def refuse(name: str, values: Array, wrong: NDArray[np.bool_], expected: str) -> None:
+    """Raise ValueError for the first of `values` that is `wrong`, saying what is `expected`."""
+    if wrong.any():
+        raise ValueError(f"{name}: found {values[wrong][0]:g}; expected {expected}")
