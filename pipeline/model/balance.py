@@ -39,7 +39,8 @@ _GOLDEN = 0.3819660112501051
 def attack_for_normal_force(polar: Polar, speed: float, normal: float) -> float:
     """Return α at which the normal-force coefficient K_De sin α + K_Le cos α is `normal`, kg/m, by Newton.
 
-    The coefficient grows with α for |α| < 0.6 rad; NaN where α would be larger than 0.5 rad.
+    The coefficient grows with α for |α| < 0.6 rad; NaN where α would be larger than 0.5 rad, where Newton's method
+    may wander without end.
     """
     parasite = polar.parasite_drag
     if polar.drag_exponent != 0.0:
@@ -48,6 +49,7 @@ def attack_for_normal_force(polar: Polar, speed: float, normal: float) -> float:
     if math.isnan(alpha):
         return math.nan
     alpha = min(max(alpha, -0.6), 0.6)
+    change = math.inf
     for _ in range(30):
         cosine = math.cos(alpha)
         sine = math.sin(alpha)
@@ -58,7 +60,7 @@ def attack_for_normal_force(polar: Polar, speed: float, normal: float) -> float:
         alpha -= change
         if abs(change) <= 1e-16 + 1e-15 * abs(alpha):
             break
-    return alpha if abs(alpha) <= _SEARCH_LIMIT else math.nan
+    return alpha if abs(alpha) <= _SEARCH_LIMIT and abs(change) <= 1e-12 else math.nan
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pipeline.model.balance import ALPHA_LIMIT, HELD_PITCH, attack_for_normal_force, ceiling, largest_speed, residual
@@ -23,6 +23,7 @@ forces = st.floats(-10, 10).filter(lambda force: abs(force) > 0.05)
 
 @settings(max_examples=300)
 @given(polars, st.floats(-1.5, 1.5), forces, st.floats(0.0, 12.0), st.floats(-9.0, 0.5))
+@example(Polar(0.0, 60.0, 21.0, 30.0, 0.0), 0.0, 4.0, 1.0, 0.0)
 def test_at_a_held_pitch_forces_balance_at_no_larger_speed(
     polar: Polar, pitch: float, g: float, push: float, pull: float
 ) -> None:
