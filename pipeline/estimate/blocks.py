@@ -55,7 +55,7 @@ def block_means(
         findings.append(
             Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
         )
-    latitude = float(records["latitude"].median())
+    latitude = float(records["latitude"].dropna().median())
     gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
     rows: list[dict[str, Any]] = []
