@@ -109,7 +109,7 @@ def test_a_missing_mission_yaml_is_shown_the_smallest_one(folder: Path) -> None:
             "vehicle: p\nballast: {xyz: 1}",
             "ballast.xyz: found an unknown key; known: mass, neutral_density, std, volume",
         ),
-        ("vehicle: p\nfolder: /tmp", "folder: found an unknown key; did you mean 'files'?"),
+        ("vehicle: p\nfolder: logs", "folder: found an unknown key; did you mean 'files'?"),
         ("latitude: 100\nlongtude: 3", "longtude: found an unknown key; did you mean 'longitude'?"),
     ],
 )

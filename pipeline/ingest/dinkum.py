@@ -1,6 +1,6 @@
 """Dinkum binary data: one file of a Slocum glider as a table of its sensors.
 
-`dbdreader` (Merckelbach, https://github.com/smerckel/dbdreader) decodes the values. This module adds what it leaves
+`dbdreader` (L. Merckelbach) decodes the values. This module adds what it leaves
 to its caller, because each gap turns bad input into a hang, a crash or, worst, plausible numbers:
 
 - a header without its tags makes it read for ever, and a header that contradicts its cache file makes its compiled
