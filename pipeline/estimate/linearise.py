@@ -27,6 +27,11 @@ MEASURED = ("depth", "pitch", "speed", "east", "north", "continuity")
 SPAN = 0.6
 
 
+#: Over a pause in the records (s) longer than this nothing is carried: the states are as open as after it, and the
+#: position anywhere (m). Their covariance would outgrow double precision.
+LONGEST, ANYWHERE = 21_600.0, 1e5
+
+
 @dataclass(frozen=True)
 class Settings:
     """Noise levels; the first group is estimated from the mission, the second is general."""
@@ -107,7 +112,8 @@ def _fill(
     """Fill transition, shift and process noise along the trajectory; the arrays come in as zeros."""
     m, n = shift.shape
     for k in range(m - 1):
-        dt = max(time[k + 1] - time[k], 1e-3)
+        pause = time[k + 1] - time[k]
+        dt = min(max(pause, 1e-3), LONGEST)
         glide, by_pitch, by_speed, steady = glide_angle(polar, speed[k], pitch[k])
         share = 0.0 if powered[k] else 1.0  # under power the closure says only how far α may be from zero
         gamma = pitch[k] - share * glide - slip[k]
@@ -166,6 +172,8 @@ def _fill(
                 F[row, row + 2] = dt
                 c[row] = along * forward * dt
                 Q[row, row] = (positions[1] if surfaced[k] else positions[0]) * dt
+                if pause > LONGEST:
+                    Q[row, row] += ANYWHERE**2
                 Q[row + 2, row + 2] = drifts[4] * dt
         if n > CRUISE:
             Q[CRUISE, CRUISE] = cruise[0] * dt + (cruise[1] ** 2 if new_setting[k] else 0.0)
