@@ -12,11 +12,33 @@ def _kernel_folder() -> Path:
 
     numba keeps a compiled kernel until its own file changes, even if a kernel that it calls, in another file, has
     changed: results would be those of code that is no more. So the folder is named after all sources with kernels.
+    It lies beside them, in the user's cache where that cannot be written, or else is temporary.
     """
     here = Path(__file__).parent
     sources = (path.read_bytes() for path in sorted(here.rglob("*.py")))
     kernels = b"".join(source for source in sources if b"njit" in source or b"NamedTuple" in source)
-    return here / "__pycache__" / f"kernels-{hashlib.blake2b(kernels, digest_size=8).hexdigest()}"
+    name = f"kernels-{hashlib.blake2b(kernels, digest_size=8).hexdigest()}"
+    for place in (here / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "seatrial")):
+        try:
+            folder = place.expanduser() / name
+            folder.mkdir(parents=True, exist_ok=True)
+        except (OSError, RuntimeError):  # RuntimeError: a user without a home
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return _temporary()
 
 
-os.environ.setdefault("NUMBA_CACHE_DIR", str(_kernel_folder()))
+def _temporary() -> Path:
+    """Return a new folder that goes when this process ends."""
+    import atexit
+    import shutil
+    import tempfile
+
+    folder = tempfile.mkdtemp(prefix="seatrial-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    os.environ["NUMBA_CACHE_DIR"] = str(_kernel_folder())

@@ -1,10 +1,12 @@
-"""Compiled kernels are those of the sources as they are."""
+"""Compiled kernels are those of the sources as they are, wherever they may be kept."""
 
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 import pipeline
 
@@ -14,6 +16,10 @@ PROGRAM = "from pipeline.model.closure import glide_angle; from pipeline.vehicle
     "print(derivatives(1.0, 0.3, 0.0, 0.0, Body(84.7, 84.7, 12.3, 0.0, -300.0, -7.0), "
     "Polar(0.0, 350.0, 7.0, 300.0, 0.0), Propeller(0.0, 0.0, 0.0), 1.0, 1020.0, 7.0, 0.0, 0.0, 0.0)[0])"
 )
+
+
+FOLDER = "import os, pathlib, pipeline; folder = pathlib.Path(os.environ['NUMBA_CACHE_DIR']); "
+HELD = FOLDER + PROGRAM + "; print(folder, any(folder.rglob('*.nbc')))"
 
 
 def test_a_changed_kernel_changes_those_that_call_it(tmp_path: Path) -> None:
@@ -34,3 +40,21 @@ def test_a_changed_kernel_changes_those_that_call_it(tmp_path: Path) -> None:
     assert line in text
     forces.write_text(text.replace(line, "return 2.0 * polar.parasite_drag * parasite"), encoding="utf-8")
     assert deceleration() < before - 0.05
+
+
+@pytest.mark.parametrize("home", [True, False])
+def test_kernels_are_kept_elsewhere_where_the_package_cannot_be_written(tmp_path: Path, home: bool) -> None:
+    package, cache, scratch = tmp_path / "pipeline", tmp_path / "cache", tmp_path / "scratch"
+    shutil.copytree(Path(pipeline.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    scratch.mkdir()
+    for path in [package / "__pycache__", package / "model" / "__pycache__"] + [cache] * (not home):
+        path.touch()  # no folder can be made where a file lies, whoever tries
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    environment |= {"XDG_CACHE_HOME": str(cache), "TMPDIR": str(scratch)}
+    done = subprocess.run(
+        [sys.executable, "-c", HELD], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    folder, kept = done.stdout.splitlines()[-1].rsplit(" ", 1)
+    assert kept == "True"
+    assert Path(folder).is_relative_to(cache / "seatrial" if home else scratch)
+    assert Path(folder).exists() is home
