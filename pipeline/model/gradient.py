@@ -55,7 +55,7 @@ def gradients_of_steady_state(
     --------
     >>> from pipeline.vehicle import load
     >>> float(gradients_of_steady_state(load("petrel-ii"), 7.0, -0.02)["net_buoyancy"].speed.round(4))
-    0.0606
+    0.059
     """
     state = steady_state(
         vehicle,
