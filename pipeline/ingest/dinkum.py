@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ ENCODING = 5
 EARLIEST, LATEST = 631152000.0, 4102444800.0
 
 _NUMBERS = ("encoding_ver", "total_num_sensors", "sensors_per_cycle", "state_bytes_per_cycle")
+_GLIDER = re.compile(r"(.+)-\d{4}-\d{1,3}-\d+-\d+$")
 _LINE = re.compile(rb"s: +[TF] +\d+ +(-1|\d+) +[1248] +[!-~]+ +[!-~]")
 #: Bytes of the record with known values that follows the header, and where its float 123.456 stands.
 _KNOWN, _FLOAT = 17, slice(4, 8)
@@ -62,6 +63,8 @@ class Sensors:
         What ended the reading before the end of the file and where; empty if nothing did.
     impossible
         Number of records left out because their time is none.
+    glider
+        Name of the glider, from the name it gave the file; empty if it gave none.
     """
 
     frame: pd.DataFrame
@@ -69,6 +72,7 @@ class Sensors:
     damage: str
     where: str
     impossible: int
+    glider: str = ""
 
 
 def require() -> None:
@@ -228,7 +232,8 @@ def read(path: Path, scratch: Path, wanted: Sequence[str]) -> Sensors:
     copy = scratch / "segment.dbd"
     try:
         copy.write_bytes(data)
-        return _read(copy, data, whole, cache, wanted)
+        glider = _GLIDER.match(tags.get("full_filename", ""))
+        return replace(_read(copy, data, whole, cache, wanted), glider=glider[1] if glider else "")
     except DbdError as error:
         raise UnreadableError(f"a file that dbdreader refuses ({' '.join(str(error).split())})") from error
     finally:

@@ -78,6 +78,10 @@ def read(mission: Mission) -> Logs:
             raise InputError(mission.folder.name, found="no Slocum file", expected=".dbd, .ebd, .sbd, .tbd …")
         raise _unreadable(mission, segments.findings)
     findings = list(segments.findings)
+    if len(segments.gliders) > 1:
+        named = f"files of gliders named {', '.join(sorted(segments.gliders))}"
+        remedy = "if these are not names of one vehicle, give each a folder of its own"
+        findings.append(Finding("warning", mission.folder.name, "", named, "one", remedy))
     frames = _ordered(segments.flight)
     flight = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame({"time": []})
     if "m_pitch" not in flight or not flight["m_pitch"].notna().any():
@@ -115,6 +119,7 @@ class _Segments:
     flight: list[pd.DataFrame] = field(default_factory=list)
     science: list[pd.DataFrame] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    gliders: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         found = files(self.folder)
@@ -160,6 +165,7 @@ class _Segments:
             for other in paths[index + 1 :]:
                 self._say("note", other, "", "another version of a segment", "", "the fullest one is used")
             self._doubt(path, sensors, science)
+            self.gliders |= {sensors.glider} - {""}
             return sensors.frame
         return None
 

@@ -481,3 +481,13 @@ def test_138_decimated_little_endian_files_make_one_mission(data):
     assert -gsw.z_from_p(ctd["pressure"].max(), 48.6) == pytest.approx(186.0, abs=1.0)
     assert ctd["time"].is_monotonic_increasing
     assert flight["pitch"].notna().sum() == 998
+
+
+def test_files_of_several_gliders_are_doubted_by_name(tmp_path):
+    mine = dbd(FLIGHT, [flight_row(0), flight_row(4)])
+    write(tmp_path, "00010000.dbd", mine)
+    write(tmp_path, "00020000.dbd", mine.replace(b"unit-2024-001-0-0", b"other-2024-002-0-0"))
+    assert (
+        f"{tmp_path.name}: found files of gliders named other, unit; expected one; "
+        "if these are not names of one vehicle, give each a folder of its own"
+    ) in [str(finding) for finding in read(tmp_path).findings]
