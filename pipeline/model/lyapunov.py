@@ -28,9 +28,9 @@ MODE_WEIGHTS = (1.0, 0.3, 5.0, 5.0)
 #: Neighbourhood in which sublevel sets are sought if no other is given.
 WIDE = Bounds(0.9, 0.5 * math.pi, 0.5, math.inf)
 
-_STEPS = 200
-_DIRECTIONS = 4000
-_BEST = 40
+_STEPS = 100
+_DIRECTIONS = 2000
+_BEST = 20
 _ROUNDS = 5
 
 
@@ -346,7 +346,7 @@ def certificate(function: Lyapunov, bounds: Bounds = WIDE) -> Certificate:
     """Return the largest sublevel set of a Lyapunov function inside `bounds` in which it falls everywhere.
 
     Every motion that starts in it returns to steady flight. The level is the least value of v on the bounds and where
-    v' ≥ 0, sought along 4000 rays and then among ever closer neighbours of the lowest; a search, not a proof by
+    v' ≥ 0, sought along 2000 rays and then among ever closer neighbours of the lowest; a search, not a proof by
     intervals, so that the set is right to the density of the search.
 
     Parameters
