@@ -406,11 +406,11 @@ class TestRealStages:
         whole_run = time.monotonic() - begin
         expected = contents(tmp_path)
         moments = random.Random(20140728)
-        kills = 0
-        while kills < 20:
+        kills, wanted = 0, 8
+        while kills < wanted:  # one in every part of a run
             process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
             try:
-                process.wait(timeout=moments.uniform(0.02, 0.8) * whole_run)
+                process.wait(timeout=0.9 * (kills + moments.random()) / wanted * whole_run)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
