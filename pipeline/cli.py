@@ -272,6 +272,22 @@ def fetch(
 
 
 @app.command()
+def paper(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of paper.html and paper.json.")] = Path("paper"),
+    json: Json = False,
+) -> None:
+    """Every number and figure of Niu et al. 2017, computed again."""
+    from pipeline.paper import PAGE, write
+
+    _writable(out)
+    found = write(out)
+    if json:
+        _print_json(found)
+    else:
+        print(f"{out / PAGE}: " + ", ".join(f"{count} {verdict}" for verdict, count in found["verdicts"].items()))
+
+
+@app.command()
 def vehicles(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="One vehicle only.")] = None, json: Json = False
 ) -> None:

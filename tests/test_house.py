@@ -27,12 +27,14 @@ MAY_USE: dict[str, set[str]] = {
     "simulate": {"model"},
     "estimate": {"model"},
     "report": {"model"},
+    "paper": {"model", "report"},
     "campaign": {"model", "ingest", "estimate", "report"},
-    "cli": {"model", "ingest", "estimate", "report", "simulate", "campaign"},
+    "cli": {"model", "ingest", "estimate", "report", "simulate", "paper", "campaign"},
 }
 FLOOR = {
     **dict.fromkeys(("simulate", "voyage", "plan", "trials", "instruments", "theory"), "simulate"),
     **dict.fromkeys(("campaign", "check", "roster"), "campaign"),
+    **{path.stem: "paper" for path in PACKAGE.glob("paper*.py")},
     **{name: name for name in ("model", "ingest", "estimate", "report", "cli")},
 }
 

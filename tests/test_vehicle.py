@@ -251,6 +251,21 @@ def test_a_vehicle_without_published_lift_and_drag_says_what_is_unknown(name: st
     assert math.isnan(vehicle.to_slocum(silent)["C_D0"])
 
 
+@pytest.mark.parametrize("name", sorted(SILENT))
+def test_predictions_for_a_vehicle_without_published_lift_and_drag_are_nan_with_a_reason(name: str) -> None:
+    import pandas as pd
+
+    from pipeline.model.predict import predict
+    from pipeline.records import BLOCKS, conform
+
+    block = {"block": 1, "dive": 1, "direction": -1, "powered": False, "used": True}
+    flown = block | {"net_buoyancy": -0.5, "pitch": -0.4, "density": 1027.0}
+    found = predict(vehicle.load(name), conform(pd.DataFrame([flown]), BLOCKS))
+    assert len(found) == 3
+    assert found["speed"].isna().all()
+    assert found["reason"].str.contains("the vehicle file").all()
+
+
 @given(
     c_d0=st.floats(0.05, 0.5),
     c_d1=st.floats(1.0, 20.0),

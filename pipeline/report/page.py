@@ -38,7 +38,7 @@ def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -
     pictures
         Figures by name; None where there is nothing to draw.
     """
-    return _environment().get_template("report.html").render(
+    return environment().get_template("report.html").render(
         summary=summary,
         pictures=pictures,
         no_figure=NO_FIGURE,
@@ -52,12 +52,13 @@ def index(summaries: Sequence[Mapping[str, Any]]) -> str:
     """Return the text of index.html."""
     done = [row for row in summaries if "error" not in row]
     failed = [row for row in summaries if "error" in row]
-    return _environment().get_template("index.html").render(
+    return environment().get_template("index.html").render(
         rows=[_index_row(row) for row in done], failed=failed, count=len(summaries)
     )  # fmt: skip
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return the templates of the pages, with the filters that they use."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
