@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.model.forces import propeller_of
-from pipeline.vehicle import Polar, Vehicle
+from pipeline.vehicle import KNOWN, POSITIVE, Polar, Vehicle
 
 Array = NDArray[np.float64]
 
+#: Larger ones are refused: degrees for radians, rpm for rev/s.
+MAX_ANGLE_OF_ATTACK = 0.5
 MAX_PROPELLER_SPEED = 100.0
+ATTACK_EXPECTED = f"at most {MAX_ANGLE_OF_ATTACK:.4g} rad; degrees?"
+SPEED_EXPECTED = f"at most {MAX_PROPELLER_SPEED:g} rev/s; rev/s, not rpm?"
 
 NO_THRUST_LAW = "powered, but the vehicle file has no thrust law"
 
@@ -73,19 +77,14 @@ class Case:
         shape = arrays[0].shape
         buoyancy, angle, given, turning, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
         refuse("density", actual, actual <= 0.0, "a positive number of kg/m3")
-        refuse(
-            "propeller_speed",
-            turning,
-            np.abs(turning) > MAX_PROPELLER_SPEED,
-            f"at most {MAX_PROPELLER_SPEED:g} rev/s; rev/s, not rpm?",
-        )
+        refuse("propeller_speed", turning, np.abs(turning) > MAX_PROPELLER_SPEED, SPEED_EXPECTED)
         law = propeller_of(vehicle)
         flow = actual * law.diameter**3 * turning
         push = np.where(turning == 0.0, given, flow * law.thrust_static * law.diameter * turning)
         missing = (turning != 0.0) & (vehicle.propeller is None)
         return cls(shape, buoyancy, angle, push, flow * law.thrust_slope, actual / reference, actual, turning, missing)
 
-    def reason(self, unknown: list[str], held: str) -> NDArray[Any]:
+    def reason(self, unusable: str, held: str) -> NDArray[Any]:
         """Return why a case cannot be computed at all, "" where it can, shape (n,)."""
         reason = np.full(self.size, "", dtype=object)
         reason[(self.net_buoyancy == 0.0) & (self.push == 0.0)] = "no equilibrium: neither net buoyancy nor thrust"
@@ -97,8 +96,8 @@ class Case:
             ("net_buoyancy", self.net_buoyancy),
         ):
             reason[~np.isfinite(values)] = f"no {name} given"
-        if unknown:
-            reason[:] = f"the vehicle file leaves {', '.join(unknown)} unknown"
+        if unusable:
+            reason[:] = unusable
         return reason
 
 
@@ -107,9 +106,15 @@ def plain(vehicle: Vehicle) -> Polar:
     return Polar(*(float(value) for value in vehicle.polar))
 
 
-def unknown(vehicle: Vehicle, names: tuple[str, ...]) -> list[str]:
-    """Return those of the coefficients `names` that the vehicle file leaves unknown."""
-    return [name for name in names if math.isnan(vehicle[name])]
+def unusable(vehicle: Vehicle, names: tuple[str, ...]) -> str:
+    """Return why the coefficients `names` of `vehicle` will not do, and its propeller; "" where they do."""
+    unknown = [name for name in names if math.isnan(vehicle[name])]
+    if unknown:
+        return f"the vehicle file leaves {', '.join(unknown)} unknown"
+    for name in (*names, "propeller_diameter"):
+        if name in POSITIVE and vehicle[name] <= 0.0:
+            return f"{name} is {vehicle[name]:g} {KNOWN[name].unit}; expected a positive number"
+    return ""
 
 
 def refuse(name: str, values: Array, wrong: NDArray[np.bool_], expected: str) -> None:

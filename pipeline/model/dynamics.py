@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.model.case import ATTACK_EXPECTED, MAX_ANGLE_OF_ATTACK, MAX_PROPELLER_SPEED, SPEED_EXPECTED, refuse
 from pipeline.model.forces import drag, lift, propeller_of, thrust
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
@@ -168,7 +169,8 @@ def trajectory(
     Raises
     ------
     ValueError
-        If a coefficient of the dynamics is unknown, or the integration fails.
+        If a coefficient of the dynamics is unknown, an angle of attack looks like degrees or a propeller speed like
+        rpm, or the integration fails.
     """
     from scipy.integrate import solve_ivp
 
@@ -176,6 +178,10 @@ def trajectory(
     unknown = [name for name in (*Body._fields, *Polar._fields) if math.isnan(vehicle[name])]
     if unknown:
         raise ValueError(f"{vehicle.name}: found unknown {', '.join(unknown)}; the dynamics need them")
+    start = np.asarray(state, dtype=np.float64)
+    refuse("angle_of_attack", start[2:3], np.abs(start[2:3]) > MAX_ANGLE_OF_ATTACK, ATTACK_EXPECTED)
+    turning = np.array([propeller_speed], dtype=np.float64)
+    refuse("propeller_speed", turning, np.abs(turning) > MAX_PROPELLER_SPEED, SPEED_EXPECTED)
     reference = vehicle["reference_density"]
     actual = reference if density is None else density
 
@@ -201,7 +207,7 @@ def trajectory(
     solution = solve_ivp(
         rate,
         (when[0], when[-1]),
-        np.asarray(state, dtype=np.float64),
+        start,
         method="DOP853",
         t_eval=when,
         rtol=1e-12,

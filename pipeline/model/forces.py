@@ -6,6 +6,8 @@ Source: Niu et al. (2017), China Ocean Eng. 31(5), 528-538, doi:10.1007/s13344-0
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
@@ -115,7 +117,17 @@ def net_buoyancy(
         Temperature T_0 at which `volume` holds, °C.
     gravity
         Acceleration of gravity g, m/s².
+
+    Raises
+    ------
+    ValueError
+        If a mass or a volume of the hull is negative, or a density not positive.
     """
+    for name, values, least in (("mass", mass, 0.0), ("volume", volume, 0.0), ("density", density, math.ulp(0.0))):
+        given = np.asarray(values, dtype=np.float64)
+        if np.any(given < least):
+            wanted = "a positive number of kg/m3" if name == "density" else "a number that is not negative"
+            raise ValueError(f"{name}: found {given[given < least].flat[0]:g}; expected {wanted}")
     squeezed = compressibility * PASCAL_PER_DBAR * np.asarray(pressure, dtype=np.float64)
     swollen = thermal_expansion * (np.asarray(temperature, dtype=np.float64) - reference_temperature)
     hull = np.asarray(volume, dtype=np.float64) * (1.0 - squeezed + swollen)

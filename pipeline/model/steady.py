@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.model.balance import FIXED_ALPHA, HELD_PITCH, solve
+from pipeline.model.case import MAX_ANGLE_OF_ATTACK as MAX_ANGLE_OF_ATTACK
 from pipeline.model.case import NO_THRUST_LAW as NO_THRUST_LAW
-from pipeline.model.case import Case, plain, refuse, unknown
+from pipeline.model.case import Case, plain, refuse, unusable
 from pipeline.model.dynamics import body_of, jacobian
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.moment import pitches_at_moment
@@ -25,7 +26,6 @@ from pipeline.vehicle import Polar, Vehicle
 Signs = Literal["physical", "paper"]
 Array = NDArray[np.float64]
 
-MAX_ANGLE_OF_ATTACK = 0.5
 #: Pitch within which moment balance is sought, rad.
 MAX_TRIM_PITCH = math.radians(80.0)
 #: Trims of one case that are looked for.
@@ -248,10 +248,10 @@ def trims_at_moment(
     case = Case.of(vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, density)
     body, polar, propeller = body_of(vehicle), plain(vehicle), propeller_of(vehicle)
     moment_sin = vehicle["righting_moment"]
-    missing = unknown(vehicle, (*Polar._fields, *body._fields, "reference_density", "righting_moment"))
+    needed: tuple[str, ...] = (*Polar._fields, *body._fields, "reference_density", "righting_moment")
     if battery_position is not None:
-        missing += unknown(vehicle, ("battery_mass", "battery_neutral_position"))
-    reason = case.reason(missing, "moment_cos" if battery_position is None else "battery_position")
+        needed += ("battery_mass", "battery_neutral_position")
+    reason = case.reason(unusable(vehicle, needed), "moment_cos" if battery_position is None else "battery_position")
 
     pitch = np.full((case.size, MOST_TRIMS), np.nan)
     for i in np.flatnonzero(reason == ""):
@@ -320,7 +320,7 @@ def _balanced(
     case = Case.of(vehicle, net_buoyancy, held, thrust, propeller_speed, density)
     name, limit = ("angle_of_attack", MAX_ANGLE_OF_ATTACK) if mode == FIXED_ALPHA else ("pitch", 0.5 * math.pi)
     refuse(name, case.held, np.abs(case.held) > limit * (1.0 + 1e-12), f"at most {limit:.4g} rad; degrees?")
-    reason = case.reason(unknown(vehicle, (*Polar._fields, "reference_density")), name)
+    reason = case.reason(unusable(vehicle, (*Polar._fields, "reference_density")), name)
     if mode == FIXED_ALPHA:
         undetermined = (reason == "") & (case.net_buoyancy == 0.0)
         reason[undetermined] = "no equilibrium: without net buoyancy the path is undetermined at a held angle of attack"

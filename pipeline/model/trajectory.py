@@ -14,11 +14,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.model.case import MAX_PROPELLER_SPEED, NO_THRUST_LAW
+from pipeline.model.case import (
+    MAX_ANGLE_OF_ATTACK,
+    MAX_PROPELLER_SPEED,
+    NO_THRUST_LAW,
+    SPEED_EXPECTED,
+    refuse,
+    unusable,
+)
 from pipeline.model.dynamics import Body, body_of
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.motion import STATES, Ballast, advance, rates
-from pipeline.model.steady import MAX_ANGLE_OF_ATTACK
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 Array = NDArray[np.float64]
@@ -80,12 +86,8 @@ class Inputs:
             if not np.isfinite(array).all():
                 raise ValueError(f"inputs: {name}: found {array[~np.isfinite(array)][0]:g}; expected finite numbers")
             object.__setattr__(self, name, np.broadcast_to(array, times.shape))
-        fastest = float(np.abs(self.propeller_speed).max())
-        if fastest > MAX_PROPELLER_SPEED:
-            raise ValueError(
-                f"inputs: propeller_speed: found {fastest:g}; expected at most {MAX_PROPELLER_SPEED:g} rev/s; "
-                "rev/s, not rpm?"
-            )
+        speeds = np.asarray(self.propeller_speed)
+        refuse("inputs: propeller_speed", speeds, np.abs(speeds) > MAX_PROPELLER_SPEED, SPEED_EXPECTED)
         if self.density is not None and not 0.0 < self.density < math.inf:
             raise ValueError(f"inputs: density: found {self.density:g}; expected a positive number of kg/m3")
 
@@ -298,9 +300,9 @@ def _reason(vehicle: Vehicle, inputs: Inputs) -> str:
     needed = [*Body._fields, *Polar._fields, "reference_density", "righting_moment"]
     if inputs.battery_position is not None:
         needed += ["battery_mass", "battery_neutral_position"]
-    unknown = [name for name in needed if math.isnan(vehicle[name])]
-    if unknown:
-        return f"the vehicle file leaves {', '.join(unknown)} unknown"
+    reason = unusable(vehicle, tuple(needed))
+    if reason:
+        return reason
     return NO_THRUST_LAW if np.any(inputs.propeller_speed) and vehicle.propeller is None else ""
 
 

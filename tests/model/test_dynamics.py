@@ -132,3 +132,10 @@ def test_trajectory_returns_to_a_stable_trim(shift: float) -> None:
 def test_trajectory_refuses_unknown_coefficients_by_name() -> None:
     with pytest.raises(ValueError, match="slocum-g2: found unknown pitch_inertia, moment_at_zero, moment_slope"):
         trajectory(load("slocum-g2"), [0.3, 0.4, 0.0, 0.0], [0.0, 1.0], net_buoyancy=1.0)
+
+
+def test_trajectory_refuses_degrees_and_rpm_with_a_hint() -> None:
+    with pytest.raises(ValueError, match=r"angle_of_attack: found -1.45; expected at most 0.5 rad; degrees\?"):
+        trajectory(PETREL, [0.6, 0.5, -1.45, 0.0], [0.0, 1.0], net_buoyancy=3.0)
+    with pytest.raises(ValueError, match=r"propeller_speed: found 1400; expected at most 100 rev/s; rev/s, not rpm\?"):
+        trajectory(PETREL, [0.6, 0.5, 0.0, 0.0], [0.0, 1.0], net_buoyancy=3.0, propeller_speed=1400.0)

@@ -1,5 +1,7 @@
 """Forces against the paper's numbers and against the laws written out by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,27 @@ def test_net_buoyancy_loses_by_pressure_and_cold_what_the_hull_does() -> None:
         gravity=10.0,
     )
     assert float(force) == pytest.approx(10.0 * 1030.0 * 0.07 * (1.0 - 0.005 - 0.0007), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mass": -70.0}, "mass: found -70; expected a number that is not negative"),
+        ({"volume": [0.07, -0.07]}, "volume: found -0.07; expected a number that is not negative"),
+        ({"density": 0.0}, "density: found 0; expected a positive number of kg/m3"),
+        ({"density": [1025.0, -1025.0]}, "density: found -1025; expected a positive number of kg/m3"),
+    ],
+)
+def test_negative_mass_volume_or_density_is_refused(change: dict[str, Any], message: str) -> None:
+    hull: dict[str, Any] = {"mass": 70.0, "volume": 0.07, "density": 1025.0}
+    with pytest.raises(ValueError, match="expected") as caught:
+        net_buoyancy(
+            **hull | change,
+            buoyancy_volume=0.0,
+            pressure=0.0,
+            temperature=15.0,
+            compressibility=0.0,
+            thermal_expansion=0.0,
+            reference_temperature=15.0,
+        )
+    assert str(caught.value) == message

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pipeline.model.closure import glide_angle
 from pipeline.model.forces import drag, lift, thrust
 from pipeline.model.steady import Steady, steady_state, trim_at_moment, trim_at_pitch, trim_sensitivities
+from pipeline.model.trajectory import Inputs, simulate
 from pipeline.vehicle import Vehicle, load
 
 PETREL = load("petrel-ii")
@@ -273,6 +274,32 @@ def test_what_cannot_be_had_is_nan_with_its_reason(state: Steady, reason: str) -
     assert str(state.reason) == reason
     for name in ("speed", "path_angle", "angle_of_attack", "pitch", "thrust", "advance_ratio", "required_moment"):
         assert np.isnan(getattr(state, name)), name
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"parasite_drag": 0.0}, "parasite_drag is 0 kg/m; expected a positive number"),
+        ({"parasite_drag": -7.36}, "parasite_drag is -7.36 kg/m; expected a positive number"),
+        ({"induced_drag": -318.0}, "induced_drag is -318 kg/m/rad2; expected a positive number"),
+        ({"lift_slope": 0.0}, "lift_slope is 0 kg/m/rad; expected a positive number"),
+        ({"propeller_diameter": -0.08}, "propeller_diameter is -0.08 m; expected a positive number"),
+        ({"mass_forward": -84.7}, "mass_forward is -84.7 kg; expected a positive number"),
+        ({"pitch_inertia": 0.0}, "pitch_inertia is 0 kg m2; expected a positive number"),
+        ({"battery_mass": -11.0}, "battery_mass is -11 kg; expected a positive number"),
+    ],
+)
+def test_an_impossible_coefficient_is_a_reason_wherever_it_is_needed(change: dict[str, float], reason: str) -> None:
+    vehicle = PETREL.with_values(change, "impossible")
+    states = [trim_at_moment(vehicle, -5.0, battery_position=0.02)]
+    if not {"mass_forward", "pitch_inertia", "battery_mass"} & set(change):
+        states += [trim_at_pitch(vehicle, 5.0, 0.6), steady_state(vehicle, 5.0, -0.02)]
+    for state in states:
+        assert np.isnan(state.speed)
+        assert str(state.reason) == reason
+    flight = simulate(vehicle, [0.6, 0.5, 0.0, 0.0], Inputs(0.0, 5.0, 0.02), [0.0, 1.0])
+    assert np.isnan(flight.speed).all()
+    assert flight.reason == reason
 
 
 def test_one_bad_case_does_not_spoil_its_neighbours() -> None:
