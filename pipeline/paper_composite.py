@@ -44,6 +44,10 @@ def composite(vehicle: Vehicle) -> list[Claim]:
         Claim(where, "bound of |V̄|", "1", "0.2", bounds.speed, bounds.speed, kind="input"),
         Claim(where, "bound of |ᾱ|", "rad", "0.01", bounds.angle_of_attack, bounds.angle_of_attack, kind="input"),
         Claim(where, "bound of |γ̄|", "rad", "0.1", bounds.path_angle, bounds.path_angle, kind="input"),
+        Claim(
+            where, "bound of |q̄|, printed |β̄|, π/4", "rad", "0.7854", bounds.pitch_rate, bounds.pitch_rate,
+            kind="input", remark="a pitch rate of 35 rad/s",
+        ),
         Claim(where, "ε_1", "1", "0.001308", *_pair(both, "epsilon_alpha"), remark="K'_De in τ_s"),
         Claim(
             where, "ε_2", "1", "0.001340", *_pair(both, "epsilon_pitch"),

@@ -22,6 +22,8 @@ SIGNS: tuple[Signs, Signs] = ("paper", "physical")
 
 #: Table 2: advance ratio J_0 and thrust coefficient K_T.
 TABLE_2 = ((0.40, "0.45"), (0.60, "0.36"), (1.20, "0.13"), (1.40, "0.04"))
+#: g of the paper, m/s².
+PAPER_GRAVITY = 10.0
 #: Net buoyancy and thrust of the numerical example of Section 4, N.
 EXAMPLE = 7.0
 #: Angle of attack at which both printed pitch angles of the powered trials come out, rad.
@@ -40,6 +42,7 @@ DANJIANGKOU_SETTINGS = (
     ("greatest pitch", "°", "5"),
     ("greatest depth", "m", "13.1"),
     ("mean depth", "m", "11.3"),
+    ("propeller speed of the theory", "rpm", "800"),
 )
 SOUTH_CHINA_SEA_SETTINGS = (("target depth", "m", "500"), ("target pitch", "°", "45"))
 
@@ -55,7 +58,11 @@ def propeller(vehicle: Vehicle) -> list[Claim]:
     line = -0.45 / (1.5 - 0.4)
     through = "the line through (0.4, 0.45) and (1.5, 0), not a fit of Table 2,"
     k1, k2 = vehicle["thrust_static"], vehicle["thrust_slope"]
-    rows = [_given("Section 2", "density ρ", "kg/m³", "1020", vehicle["reference_density"])]
+    rows = [
+        _given("Section 2", "acceleration of gravity g, in G = m_0 g", "m/s²", "10", PAPER_GRAVITY),
+        _given("Section 2", "density ρ", "kg/m³", "1020", vehicle["reference_density"]),
+        _measured("Section 2", "pitch ratio P/D_0", "1", "1.4"),
+    ]
     for j, printed in TABLE_2:
         value = k1 + k2 * j
         rows.append(Claim("Table 2", f"K_T at J_0 = {j:.2f}", "1", printed, value, value, remark="by (15)"))
@@ -87,7 +94,7 @@ def coefficients(vehicle: Vehicle) -> list[Claim]:
         _given(section, "J_2", "kg m²", "12.3", vehicle["pitch_inertia"]),
         _given(section, "m_1", "kg", "84.7", vehicle["mass_forward"]),
         _given(section, "m_3", "kg", "84.7", vehicle["mass_normal"]),
-        _given(section, "net mass m_0 (G = 7 N with g = 10 m/s²)", "kg", "0.7", EXAMPLE / 10.0),
+        _given(section, "net mass m_0 (G = 7 N with g = 10 m/s²)", "kg", "0.7", EXAMPLE / PAPER_GRAVITY),
         _given(section, "thrust T_e", "N", "7", EXAMPLE),
     ]
 
