@@ -43,13 +43,13 @@ class Scales:
         dT/dV of the propeller at constant n, N s/m; 0 where the thrust was given.
     polar
         Lift and drag coefficients.
-    drag, lift
+    effective_drag, effective_lift
         K'_De = K_De - u cos α_e and K'_Le = K_Le + u sin α_e with u = T_e/V_e², kg/m.
-    time
+    time_scale
         τ_s, s.
     epsilon_alpha, epsilon_pitch
         ε_1 and ε_2.
-    pitch_rate
+    pitch_rate_scale
         K_M/K_q, 1/s: q = q̄ K_M/K_q.
     reason
         Why there is no steady flight, "" where there is.
@@ -62,23 +62,23 @@ class Scales:
     thrust: float
     thrust_slope: float
     polar: Polar
-    drag: float
-    lift: float
-    time: float
+    effective_drag: float
+    effective_lift: float
+    time_scale: float
     epsilon_alpha: float
     epsilon_pitch: float
-    pitch_rate: float
+    pitch_rate_scale: float
     reason: str
 
     def state(self, deviations: ArrayLike) -> Array:
         """Return (V, γ, α, q) in m/s, rad and rad/s of (V̄, γ̄, ᾱ, q̄), shape (..., 4)."""
-        scale = np.array([self.speed, 1.0, 1.0, self.pitch_rate])
+        scale = np.array([self.speed, 1.0, 1.0, self.pitch_rate_scale])
         offset = np.array([self.speed, self.path_angle, self.angle_of_attack, 0.0])
         return np.asarray(offset + scale * np.asarray(deviations, dtype=np.float64))
 
     def deviations(self, state: ArrayLike) -> Array:
         """Return (V̄, γ̄, ᾱ, q̄) of (V, γ, α, q), shape (..., 4): the inverse of `state`."""
-        scale = np.array([self.speed, 1.0, 1.0, self.pitch_rate])
+        scale = np.array([self.speed, 1.0, 1.0, self.pitch_rate_scale])
         offset = np.array([self.speed, self.path_angle, self.angle_of_attack, 0.0])
         return np.asarray((np.asarray(state, dtype=np.float64) - offset) / scale)
 
@@ -137,12 +137,12 @@ def scales(
         thrust=push,
         thrust_slope=slope,
         polar=polar,
-        drag=float(drag),
-        lift=float(polar.lift_at_zero + polar.lift_slope * alpha + u * np.sin(alpha)),
-        time=float(time),
+        effective_drag=float(drag),
+        effective_lift=float(polar.lift_at_zero + polar.lift_slope * alpha + u * np.sin(alpha)),
+        time_scale=float(time),
         epsilon_alpha=float(k_q / (k_m * time)),
         epsilon_pitch=float(-inertia / (k_q * speed**2 * time)),
-        pitch_rate=k_m / k_q,
+        pitch_rate_scale=k_m / k_q,
         reason=reason,
     )
 
@@ -177,11 +177,11 @@ def split_rates(deviations: ArrayLike, about: Scales) -> Array:
         As for `full_rates`.
     """
     v, gamma, alpha, q = np.moveaxis(np.asarray(deviations, dtype=np.float64), -1, 0)
-    size = about.drag * about.speed**2
+    size = about.effective_drag * about.speed**2
     path = about.path_angle + gamma
     square = (about.speed * (1.0 + v)) ** 2
-    f_1 = (about.net_buoyancy * np.sin(path) - about.drag * square) / size
-    f_2 = (about.net_buoyancy * np.cos(path) + about.lift * square) / (size * (1.0 + v))
+    f_1 = (about.net_buoyancy * np.sin(path) - about.effective_drag * square) / size
+    f_2 = (about.net_buoyancy * np.cos(path) + about.effective_lift * square) / (size * (1.0 + v))
     return np.stack([f_1, f_2, *_fast(v, alpha, q, f_2, about)], axis=-1)
 
 
@@ -190,7 +190,7 @@ def _rates(v: Array, gamma: Array, alpha: Array, q: Array, about: Scales, thrust
     speed, path, attack = about.speed * (1.0 + v), about.path_angle + gamma, about.angle_of_attack + alpha
     lift = (polar.lift_at_zero + polar.lift_slope * attack) * speed**2
     drag = (polar.parasite_drag * speed**polar.drag_exponent + polar.induced_drag * attack**2) * speed**2
-    size = about.drag * about.speed**2
+    size = about.effective_drag * about.speed**2
     along = (about.net_buoyancy * np.sin(path) - drag + thrust * np.cos(attack)) / size
     across = (about.net_buoyancy * np.cos(path) + lift + thrust * np.sin(attack)) / (size * (1.0 + v))
     return np.stack([along, across, *_fast(v, alpha, q, across, about)], axis=-1)

@@ -28,7 +28,7 @@ def test_dimensional_and_dimensionless_rates_are_equal_at_constant_propeller_spe
     expected = np.array(
         derivatives(*state, body_of(vehicle), vehicle.polar, propeller_of(vehicle), 1.0, 1020.0, g, turning, 0.0, 0.0)
     )
-    per_second = found * [about.speed, 1.0, 1.0, about.pitch_rate] / about.time
+    per_second = found * [about.speed, 1.0, 1.0, about.pitch_rate_scale] / about.time_scale
     np.testing.assert_allclose(per_second, expected, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(about.deviations(state), y, rtol=0.0, atol=1e-14)
 
@@ -42,7 +42,7 @@ def test_dimensional_and_dimensionless_rates_are_equal_at_constant_thrust(
     expected = np.array(
         derivatives(*about.state(y), body_of(PETREL), PETREL.polar, constant, 1.0, 1.0, g, 1.0, 0.0, 0.0)
     )
-    per_second = full_rates(y, about) * [about.speed, 1.0, 1.0, about.pitch_rate] / about.time
+    per_second = full_rates(y, about) * [about.speed, 1.0, 1.0, about.pitch_rate_scale] / about.time_scale
     np.testing.assert_allclose(per_second, expected, rtol=1e-9, atol=1e-11)
 
 
@@ -56,7 +56,7 @@ def test_on_the_slow_manifold_the_split_rates_are_the_full_ones_with_the_advance
     expected = np.array(
         derivatives(*about.state([v, gamma, 0.0, q]), body_of(PETREL), PETREL.polar, held, 1.0, 1.0, g, 1.0, 0.0, 0.0)
     )
-    found = split_rates([v, gamma, 0.0, q], about) * [about.speed, 1.0, 1.0, about.pitch_rate] / about.time
+    found = split_rates([v, gamma, 0.0, q], about) * [about.speed, 1.0, 1.0, about.pitch_rate_scale] / about.time_scale
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-10)
 
 
@@ -72,7 +72,7 @@ def test_group_f_scales_and_rates(cases: dict[str, Any], vehicle_of: Callable[[d
         vehicle = vehicle_of(inputs)
         vehicle = vehicle.with_values({"moment_at_zero": -vehicle["moment_slope"] * inputs["alpha"]}, "reference case")
         about = scales(vehicle, inputs["G"], thrust=inputs["T"])
-        assert about.time == pytest.approx(expected["tau"], rel=1e-7)
+        assert about.time_scale == pytest.approx(expected["tau"], rel=1e-7)
         assert about.epsilon_alpha == pytest.approx(expected["eps1"], rel=1e-7)
         assert about.epsilon_pitch == pytest.approx(expected["eps2"], rel=1e-7)
         np.testing.assert_allclose(full_rates(expected["y"], about), expected["rhs_dimless"], rtol=1e-7)
@@ -86,7 +86,7 @@ def test_shapes_are_kept() -> None:
 def test_what_has_no_scales_says_why() -> None:
     none = scales(PETREL, 7.0, thrust=80.0)
     assert none.reason == "no equilibrium: the forces do not balance at this angle of attack"
-    assert np.isnan(none.time)
+    assert np.isnan(none.time_scale)
     unknown = scales(load("slocum-g2"), 2.0)
     assert unknown.reason == (
         "the vehicle file leaves moment_at_zero, moment_slope, pitch_damping, pitch_inertia unknown"

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.model.dynamics import Body, body_of, derivatives, jacobian, trajectory
 from pipeline.model.forces import propeller_of, thrust
-from pipeline.model.steady import trim_at_pitch
+from pipeline.model.steady import steady_state, trim_at_pitch
 from pipeline.vehicle import Polar, Propeller, Vehicle, load
 
 PETREL = load("petrel-ii")
@@ -73,6 +73,38 @@ def test_trim_at_a_held_pitch_is_an_equilibrium_of_the_dynamics(
         turning,
         float(trim.required_moment) / math.cos(pitch),
         0.0,
+    )
+    np.testing.assert_allclose(rates, 0.0, atol=1e-12)
+
+
+@given(
+    g=st.floats(-9.0, 9.0).filter(lambda g: abs(g) > 0.3),
+    alpha=st.floats(-0.08, 0.08),
+    turning=st.sampled_from([0.0, 8.0, 15.0]),
+    density=st.floats(990.0, 1050.0),
+)
+def test_flight_at_a_held_angle_of_attack_is_an_equilibrium_of_the_dynamics(
+    g: float, alpha: float, turning: float, density: float
+) -> None:
+    flight = steady_state(PETREL, g, alpha, propeller_speed=turning, density=density)
+    assume(np.isfinite(flight.speed))
+    # The moment is balanced about the pitch by whichever part of the static moment has the longer arm there.
+    theta, moment = float(flight.pitch), float(flight.required_moment)
+    by_cos = abs(math.cos(theta)) > 0.5
+    rates = derivatives(
+        float(flight.speed),
+        float(flight.path_angle),
+        alpha,
+        0.0,
+        body_of(PETREL),
+        PETREL.polar,
+        propeller_of(PETREL),
+        density / 1020.0,
+        density,
+        g,
+        turning,
+        moment / math.cos(theta) if by_cos else 0.0,
+        0.0 if by_cos else moment / math.sin(theta),
     )
     np.testing.assert_allclose(rates, 0.0, atol=1e-12)
 

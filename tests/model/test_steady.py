@@ -79,6 +79,19 @@ def test_zero_thrust_is_the_glide_of_eq_21_without_b(g: float, alpha: float) -> 
     )
 
 
+@given(g=st.floats(-9.0, 9.0).filter(lambda g: abs(g) > 0.1), pitch=st.floats(0.4, 1.4), alpha=st.floats(0.005, 0.1))
+def test_thrust_goes_to_zero_without_a_jump(g: float, pitch: float, alpha: float) -> None:
+    side = math.copysign(1.0, g)
+    for at in (
+        lambda t: trim_at_pitch(PETREL, g, side * pitch, thrust=t),
+        lambda t: steady_state(PETREL, g, alpha, thrust=t),
+    ):
+        glide, barely, braked = at(0.0), at(1e-9), at(-1e-9)
+        for name in ("speed", "path_angle", "angle_of_attack", "required_moment"):
+            for other in (barely, braked):
+                assert float(getattr(other, name)) == pytest.approx(float(getattr(glide, name)), rel=1e-7, abs=1e-8)
+
+
 def test_powered_flight_without_net_buoyancy_follows_the_nose() -> None:
     state = trim_at_pitch(PETREL, 0.0, 0.1, thrust=5.0)
     assert float(state.path_angle) == pytest.approx(0.1, abs=1e-15)
