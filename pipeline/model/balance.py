@@ -19,19 +19,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.model.descent import ALPHA_LIMIT as ALPHA_LIMIT
+from pipeline.model.descent import SEARCH_LIMIT, descend, out_of_reach
 from pipeline.model.forces import drag, lift
 from pipeline.vehicle import Polar
 
 FIXED_ALPHA = 0
 HELD_PITCH = 1
 
-#: Angle of attack beyond which a trim is not sought, rad; the search itself goes a little further.
-ALPHA_LIMIT = 0.35
-_SEARCH_LIMIT = 0.5
 _STEPS = 48
-_NEWTON_STEPS = 15
-#: Speeds between Newton's answer and the ceiling at which the forces are looked at again.
-_CHECKS = 3
 _GOLDEN = 0.3819660112501051
 
 
@@ -60,7 +56,7 @@ def attack_for_normal_force(polar: Polar, speed: float, normal: float) -> float:
         alpha -= change
         if abs(change) <= 1e-16 + 1e-15 * abs(alpha):
             break
-    return alpha if abs(alpha) <= _SEARCH_LIMIT and abs(change) <= 1e-12 else math.nan
+    return alpha if abs(alpha) <= SEARCH_LIMIT and abs(change) <= 1e-12 else math.nan
 
 
 @njit(cache=True, error_model="numpy")
@@ -131,89 +127,6 @@ def ceiling(polar: Polar, ratio: float, force: float, pull: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def descend(
-    polar: Polar, ratio: float, push: float, pull: float, axial: float, normal: float, top: float
-) -> tuple[float, float]:
-    """Return speed [m/s] and angle of attack [rad] at a held pitch by Newton's method from above; NaN if in doubt.
-
-    With C_N = K_De sin α + K_Le cos α and C_X = K_De cos α - K_Le sin α the balances across and along the body are
-
-        r C_N V² + G cos θ = 0,    r C_X V² - (a + b V) - G sin θ = 0
-
-    Along the first, the second as a polynomial in 1/V has at most two positive roots for b <= 0 and small α, by the
-    rule of signs; it rises with V at the faster one. Any other answer, and one above which the second is negative at
-    any of a few speeds, is left to the search.
-
-    Parameters
-    ----------
-    polar, ratio, push, pull
-        As for `residual`.
-    axial, normal
-        G sin θ and G cos θ, N.
-    top
-        Speed above which there is no root, m/s.
-    """
-    if not pull <= 0.0:
-        return math.nan, math.nan
-    speed, alpha = top, 0.0
-    settled = False
-    for _ in range(_NEWTON_STEPS):
-        across, along, slope, lean, alpha_slope = _balance(polar, ratio, push, pull, axial, normal, speed, alpha)
-        rise = slope[1] - lean * slope[0]
-        if not rise > 0.0:
-            return math.nan, math.nan
-        faster = -(along - lean * across) / rise
-        turned = -(across + slope[0] * faster) / alpha_slope
-        speed += faster
-        alpha += turned
-        if not (speed > 0.0 and abs(alpha) <= _SEARCH_LIMIT):
-            return math.nan, math.nan
-        if abs(faster) <= 1e-9 * speed and abs(turned) <= 1e-9:
-            settled = True
-            break
-    if not settled:
-        return math.nan, math.nan
-    for k in range(1, _CHECKS + 1):
-        faster = speed + (top - speed) * k / _CHECKS
-        turned = alpha * (speed / faster) ** 2
-        across, along, slope, lean, alpha_slope = _balance(polar, ratio, push, pull, axial, normal, faster, turned)
-        if not along - lean * across > 0.0:
-            return math.nan, math.nan
-    return speed, alpha
-
-
-@njit(cache=True, error_model="numpy")
-def _balance(
-    polar: Polar, ratio: float, push: float, pull: float, axial: float, normal: float, speed: float, alpha: float
-) -> tuple[float, float, tuple[float, float], float, float]:
-    """Return the balances of `descend` across and along the body, N, their slopes with speed, and two more.
-
-    The fourth is the slope of the second with α over that of the first, the fifth that of the first with α, N/rad.
-    """
-    cosine, sine = math.cos(alpha), math.sin(alpha)
-    parasite = polar.parasite_drag
-    if polar.drag_exponent != 0.0:
-        parasite *= speed**polar.drag_exponent
-    braking = parasite + polar.induced_drag * alpha * alpha
-    lifting = polar.lift_at_zero + polar.lift_slope * alpha
-    c_normal = braking * sine + lifting * cosine
-    c_axial = braking * cosine - lifting * sine
-    growth = 2.0 * polar.induced_drag * alpha
-    normal_slope = growth * sine + polar.lift_slope * cosine + c_axial
-    axial_slope = growth * cosine - polar.lift_slope * sine - c_normal
-    bent = polar.drag_exponent * parasite
-    flow = ratio * speed
-    slopes = (flow * (2.0 * c_normal + bent * sine), flow * (2.0 * c_axial + bent * cosine) - pull)
-    return (
-        flow * speed * c_normal + normal,
-        flow * speed * c_axial - push - pull * speed - axial,
-        slopes,
-        axial_slope / normal_slope,
-        flow * speed * normal_slope,
-    )
-
-
-@njit(cache=True, error_model="numpy")
 def largest_speed(
     mode: int,
     held: float,
@@ -231,6 +144,8 @@ def largest_speed(
     top = ceiling(polar, ratio, abs(net_buoyancy) + abs(push), pull) * (1.0 + 1e-6)
     if mode == HELD_PITCH:
         axial, normal = net_buoyancy * math.sin(held), net_buoyancy * math.cos(held)
+        if out_of_reach(polar, push, pull, axial, normal, top):
+            return math.nan, math.nan
         speed, alpha = descend(polar, ratio, push, pull, axial, normal, top)
         if speed > 0.0:
             return speed, alpha

@@ -8,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pipeline.model.balance import ALPHA_LIMIT, HELD_PITCH, attack_for_normal_force, ceiling, largest_speed, residual
+from pipeline.model.descent import out_of_reach
 from pipeline.vehicle import Polar
 
 polars = st.builds(
@@ -56,3 +57,26 @@ def test_angle_of_attack_is_found_from_the_normal_force_it_gives(polar: Polar, a
     lifting = polar.lift_at_zero + polar.lift_slope * alpha
     normal = braking * math.sin(alpha) + lifting * math.cos(alpha)
     assert attack_for_normal_force(polar, 1.0, normal) == pytest.approx(alpha, abs=1e-12)
+
+
+@settings(max_examples=200)
+@given(polars, st.floats(-1.57, 1.57), forces, st.floats(-3.0, 6.0), st.floats(-5.0, 0.0))
+def test_what_the_bound_rules_out_balances_at_no_speed(
+    polar: Polar, pitch: float, g: float, push: float, pull: float
+) -> None:
+    top = ceiling(polar, 1.01, abs(g) + abs(push), pull)
+    axial, normal = g * math.sin(pitch), g * math.cos(pitch)
+    if not out_of_reach(polar, push, pull, axial, normal, top):
+        return
+    rows = np.array(
+        [residual(HELD_PITCH, v, pitch, polar, 1.01, push, pull, g, 1.0) for v in np.linspace(1e-3 * top, top, 2000)]
+    )
+    assert not np.any((rows[:, 0] <= 0.0) & (np.abs(rows[:, 1]) <= ALPHA_LIMIT))
+
+
+def test_the_bound_rules_out_a_dive_of_a_light_vehicle_and_not_its_climb() -> None:
+    polar = Polar(0.0, 351.357, 7.3579, 318.0849, 0.0)
+    steep = 5.0 * math.sin(0.5), 5.0 * math.cos(0.5)
+    assert out_of_reach(polar, 0.0, 0.0, -steep[0], steep[1], 1.0)
+    assert not out_of_reach(polar, 0.0, 0.0, steep[0], steep[1], 1.0)
+    assert not out_of_reach(polar, 5.0, -2.0, -steep[0], steep[1], 1.0)
