@@ -34,7 +34,7 @@ MAY_USE: dict[str, set[str]] = {
 FLOOR = {
     **dict.fromkeys(("simulate", "voyage", "plan", "trials", "instruments", "theory"), "simulate"),
     **dict.fromkeys(("campaign", "check", "roster"), "campaign"),
-    **{path.stem: "paper" for path in PACKAGE.glob("paper*.py")},
+    "paper": "paper",
     **{name: name for name in ("model", "ingest", "estimate", "report", "cli")},
 }
 

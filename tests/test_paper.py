@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 from pipeline import paper
 from pipeline.cli import app
 from pipeline.model.dynamics import Body, derivatives
-from pipeline.paper_claim import Claim, Reading, meets
-from pipeline.paper_errata import ERRATA
-from pipeline.paper_figures import flights
-from pipeline.paper_trials import DANJIANGKOU, SOUTH_CHINA_SEA, held_speed
+from pipeline.paper.claim import Claim, Reading, meets
+from pipeline.paper.errata import ERRATA
+from pipeline.paper.figures import flights
+from pipeline.paper.trials import DANJIANGKOU, SOUTH_CHINA_SEA, held_speed
 from pipeline.vehicle import Polar, Propeller, Vehicle, load
 
 ROOT = Path(__file__).parents[1]

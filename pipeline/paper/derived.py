@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from pipeline.model.modes import equilibrium, modes
 from pipeline.model.predict import free_angle_of_attack
 from pipeline.model.steady import steady_state
-from pipeline.paper_numbers import EXAMPLE, FITTED_THRUST
-from pipeline.paper_trials import DANJIANGKOU
+from pipeline.paper.numbers import EXAMPLE, FITTED_THRUST
+from pipeline.paper.trials import DANJIANGKOU
 from pipeline.vehicle import Vehicle
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pipeline.model.steady import Signs, Steady, steady_state
-from pipeline.paper_numbers import EXAMPLE, Fastest
+from pipeline.paper.numbers import EXAMPLE, Fastest
 from pipeline.report.drawing import FREE, INK, MEASURED, VOID, WIDTH, Array, Picture, canvas, render, style
 from pipeline.vehicle import Vehicle
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from pipeline import __version__, store
-from pipeline.paper_claim import TOLERANCE, Claim
-from pipeline.paper_composite import certificate, composite
-from pipeline.paper_derived import derived
-from pipeline.paper_errata import ERRATA
-from pipeline.paper_figures import figures
-from pipeline.paper_numbers import TABLE_2, coefficients, curves, example, propeller, trials
-from pipeline.paper_region import figure, ordering, regions
-from pipeline.paper_trials import TRIALS, compared, remainder
+from pipeline.paper.claim import TOLERANCE, Claim
+from pipeline.paper.composite import certificate, composite
+from pipeline.paper.derived import derived
+from pipeline.paper.errata import ERRATA
+from pipeline.paper.figures import figures
+from pipeline.paper.numbers import TABLE_2, coefficients, curves, example, propeller, trials
+from pipeline.paper.region import figure, ordering, regions
+from pipeline.paper.trials import TRIALS, compared, remainder
 from pipeline.report.page import environment
 from pipeline.vehicle import Vehicle, load
 

@@ -14,8 +14,8 @@ import numpy as np
 from pipeline.model.predict import free_angle_of_attack
 from pipeline.model.stability import stable_range
 from pipeline.model.steady import Signs, Steady, steady_state
-from pipeline.paper_claim import Claim, Pair, Reading
-from pipeline.paper_trials import DANJIANGKOU, SOUTH_CHINA_SEA, Trial, held_speed
+from pipeline.paper.claim import Claim, Pair, Reading
+from pipeline.paper.trials import DANJIANGKOU, SOUTH_CHINA_SEA, Trial, held_speed
 from pipeline.vehicle import Vehicle
 
 SIGNS: tuple[Signs, Signs] = ("paper", "physical")

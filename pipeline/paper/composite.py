@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.model.perturbation import Bounds, Interconnection, interconnection
 from pipeline.model.predict import free_angle_of_attack
-from pipeline.paper_claim import Claim, Pair, Reading
+from pipeline.paper.claim import Claim, Pair, Reading
 from pipeline.vehicle import Vehicle
 
 #: Pitch inertia that the printed ε_2 needs, kg m².
