@@ -1,6 +1,7 @@
 """The simulated region of attraction against the reference integrator, finer steps and longer flights."""
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,18 @@ from pipeline.model.modes import Equilibrium, equilibrium
 from pipeline.vehicle import load
 
 PETREL = load("petrel-ii")
-GLIDING = equilibrium(PETREL, 7.0)
 TURNING = 1391.0 / 60.0
-DRIVEN = equilibrium(PETREL, 7.0, propeller_speed=TURNING)
-PITCHED = equilibrium(PETREL, 7.0, pitch=0.4, moment_sin=-4.0)
+GIVEN: dict[str, dict[str, float]] = {
+    "gliding": {},
+    "driven": {"propeller_speed": TURNING},
+    "pitched": {"pitch": 0.4, "moment_sin": -4.0},
+}
+
+
+@cache
+def steady(name: str) -> Equilibrium:
+    """Return a steady flight of Petrel-II with G = 7 N by name."""
+    return equilibrium(PETREL, 7.0, **GIVEN[name])  # type: ignore[arg-type]
 
 
 def plane(size: int, angle: str) -> dict[str, Any]:
@@ -50,8 +59,9 @@ def at_edge(verdict: np.ndarray) -> np.ndarray:
     return np.logical_or.reduce([neighbour != verdict for neighbour in around])
 
 
-@pytest.mark.parametrize(("state", "turning"), [(GLIDING, 0.0), (DRIVEN, TURNING), (PITCHED, 0.0)])
-def test_starts_that_converge_do_so_in_the_reference_integration(state: Equilibrium, turning: float) -> None:
+@pytest.mark.parametrize("name", GIVEN)
+def test_starts_that_converge_do_so_in_the_reference_integration(name: str) -> None:
+    state, turning = steady(name), GIVEN[name].get("propeller_speed", 0.0)
     draws = np.random.default_rng(3)
     starts = draws.uniform(-1.0, 1.0, (30, 4)) * [0.8, 2.5, 0.3, 0.01]
     found = attraction(
@@ -74,17 +84,18 @@ def test_starts_that_converge_do_so_in_the_reference_integration(state: Equilibr
 def test_starts_that_diverge_leave_the_range_of_the_model_in_the_reference_integration() -> None:
     draws = np.random.default_rng(4)
     starts = draws.uniform(-1.0, 1.0, (60, 4)) * [0.8, 3.1, 0.4, 0.0]
-    found = attraction(PITCHED, speed=starts[:, 0], path_angle=starts[:, 1], angle_of_attack=starts[:, 2])
+    found = attraction(steady("pitched"), speed=starts[:, 0], path_angle=starts[:, 1], angle_of_attack=starts[:, 2])
     lost = found.verdict == DIVERGED
     assert lost.sum() >= 10
     for y, time in zip(starts[lost], found.time[lost], strict=True):
-        motion = flown(PITCHED, y[None], np.linspace(0.0, time + 0.1, 200), 0.0)[0]
-        assert np.abs(PITCHED.flight.angle_of_attack + motion[:, 2]).max() >= 0.49
+        motion = flown(steady("pitched"), y[None], np.linspace(0.0, time + 0.1, 200), 0.0)[0]
+        assert np.abs(steady("pitched").flight.angle_of_attack + motion[:, 2]).max() >= 0.49
 
 
-@pytest.mark.parametrize("state", [GLIDING, DRIVEN, PITCHED])
+@pytest.mark.parametrize("name", GIVEN)
 @pytest.mark.parametrize("angle", ["path_angle", "angle_of_attack"])
-def test_half_the_step_changes_verdicts_at_most_at_the_edge(state: Equilibrium, angle: str) -> None:
+def test_half_the_step_changes_verdicts_at_most_at_the_edge(name: str, angle: str) -> None:
+    state = steady(name)
     starts = plane(40, angle)
     whole, half = (attraction(state, step=step, **starts) for step in (1.2, 0.6))
     changed = whole.verdict != half.verdict
@@ -94,8 +105,9 @@ def test_half_the_step_changes_verdicts_at_most_at_the_edge(state: Equilibrium, 
     assert np.abs(whole.time - half.time)[both].max() < 1.0
 
 
-@pytest.mark.parametrize("state", [GLIDING, DRIVEN, PITCHED])
-def test_stopping_at_the_certified_set_gives_the_verdicts_of_following_on(state: Equilibrium) -> None:
+@pytest.mark.parametrize("name", GIVEN)
+def test_stopping_at_the_certified_set_gives_the_verdicts_of_following_on(name: str) -> None:
+    state = steady(name)
     starts = plane(30, "path_angle")
     early, late = (attraction(state, depth=depth, **starts) for depth in (1.0, 1e-4))
     np.testing.assert_array_equal(early.verdict, late.verdict)
@@ -104,34 +116,38 @@ def test_stopping_at_the_certified_set_gives_the_verdicts_of_following_on(state:
 
 
 def test_every_start_in_the_certified_set_has_converged_at_once() -> None:
-    found = certificate(quadratic(DRIVEN))
+    found = certificate(quadratic(steady("driven")))
     for axis, reach in zip(("speed", "path_angle", "angle_of_attack"), found.semi_axes[:3], strict=True):
-        there = attraction(DRIVEN, **{axis: np.array([-0.999, -0.5, 0.0, 0.5, 0.999]) * reach})
+        there = attraction(steady("driven"), **{axis: np.array([-0.999, -0.5, 0.0, 0.5, 0.999]) * reach})
         assert (there.verdict == CONVERGED).all()
         assert (there.time == 0.0).all()
-        assert (attraction(DRIVEN, **{axis: np.array([-1.001, 1.001]) * reach}).time > 0.0).all()
+        assert (attraction(steady("driven"), **{axis: np.array([-1.001, 1.001]) * reach}).time > 0.0).all()
 
 
 def test_the_slow_powered_dive_at_the_same_angle_of_attack_is_another_steady_flight() -> None:
+    driven = steady("driven")
     # At 1391 rpm and G = 7 N forces balance at 1.3689 m/s and at 0.68139 m/s (reference case); there γ < 0.
-    slow, alpha = 0.6813910851279376, DRIVEN.flight.angle_of_attack
-    thrust = DRIVEN.flight.push + DRIVEN.flight.pull * slow
+    slow, alpha = 0.6813910851279376, driven.flight.angle_of_attack
+    thrust = driven.flight.push + driven.flight.pull * slow
     along = (7.3579 + 318.0849 * alpha**2) * slow**2 - thrust * math.cos(alpha)
     across = 351.357 * alpha * slow**2 + thrust * math.sin(alpha)
     dive = math.atan2(along, -across)
     assert dive < 0.0
-    there = {"speed": slow / DRIVEN.flight.speed - 1.0, "path_angle": dive - DRIVEN.flight.path_angle}
-    found = attraction(DRIVEN, **there)
+    there = {
+        "speed": slow / driven.flight.speed - 1.0,
+        "path_angle": dive - driven.flight.path_angle,
+    }
+    found = attraction(driven, **there)
     assert found.verdict == OTHER
     assert found.time == 0.0
     # It is unstable: from beside it, the vehicle returns.
-    assert attraction(DRIVEN, speed=there["speed"] + 0.05, path_angle=there["path_angle"]).verdict == CONVERGED
+    assert attraction(driven, speed=there["speed"] + 0.05, path_angle=there["path_angle"]).verdict == CONVERGED
 
 
 @pytest.mark.parametrize("workers", [2, 3])
 def test_result_does_not_depend_on_the_number_of_workers(workers: int) -> None:
     starts = plane(12, "path_angle")
-    one, many = (attraction(PITCHED, workers=w, **starts) for w in (1, workers))
+    one, many = (attraction(steady("pitched"), workers=w, **starts) for w in (1, workers))
     np.testing.assert_array_equal(one.verdict, many.verdict)
     np.testing.assert_array_equal(one.time, many.time)
 
@@ -154,13 +170,13 @@ def test_dives_end_as_their_mirrored_climbs(g: float, pitch: float, seed: int) -
 
 
 def test_a_whole_turn_of_the_path_is_the_same_start() -> None:
-    here, there = (attraction(DRIVEN, speed=0.5, path_angle=g) for g in (0.4, 0.4 + 2.0 * math.pi))
+    here, there = (attraction(steady("driven"), speed=0.5, path_angle=g) for g in (0.4, 0.4 + 2.0 * math.pi))
     assert here.verdict == there.verdict == CONVERGED
     assert float(here.time) == pytest.approx(float(there.time), abs=1e-9)
 
 
 def test_a_flight_that_is_too_short_is_undecided() -> None:
-    found = attraction(DRIVEN, path_angle=[0.0, 3.0], duration=1.0)
+    found = attraction(steady("driven"), path_angle=[0.0, 3.0], duration=1.0)
     assert found.verdict.tolist() == [CONVERGED, UNDECIDED]
     assert math.isnan(found.time[1])
     assert found.share == 0.5
@@ -187,4 +203,4 @@ def test_nothing_converges_to_a_flight_that_is_unstable_or_is_not() -> None:
 )
 def test_senseless_arguments_are_refused(given: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        attraction(DRIVEN, **given)  # type: ignore[arg-type]
+        attraction(steady("driven"), **given)  # type: ignore[arg-type]

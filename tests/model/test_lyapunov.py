@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize
 
 from pipeline.model.dynamics import trajectory
 from pipeline.model.lyapunov import Certificate, Lyapunov, certificate, composite, inertia_limit, quadratic
@@ -18,9 +20,13 @@ from pipeline.vehicle import Vehicle, load
 
 PETREL = load("petrel-ii")
 LIGHT = PETREL.with_values({"pitch_inertia": 4.0}, "test")
-GLIDING = equilibrium(PETREL, 7.0)
-DRIVEN = equilibrium(PETREL, 7.0, thrust=7.0)
 ROOM = Bounds(0.5, 1.0, 0.4, math.inf)
+
+
+@cache
+def steady(thrust: float) -> Equilibrium:
+    """Return the steady flight of the paper's example at a constant thrust."""
+    return equilibrium(PETREL, 7.0, thrust=thrust)
 
 
 def inside(found: Certificate, count: int, *, skin: float = 0.0) -> np.ndarray:
@@ -60,11 +66,11 @@ def test_group_f_composite_function(cases: dict[str, Any], vehicle_of: Callable[
 )
 def test_rate_is_the_slope_of_the_value_along_the_motion(y: tuple[float, ...], weight: float) -> None:
     step = 1e-6
-    change = step * np.array(deviation_rates(*y, DRIVEN.flight))
+    change = step * np.array(deviation_rates(*y, steady(7.0).flight))
     for function in (
-        quadratic(DRIVEN),
-        composite(DRIVEN, weight=weight),
-        composite(DRIVEN, weight=weight, formulas="printed"),
+        quadratic(steady(7.0)),
+        composite(steady(7.0), weight=weight),
+        composite(steady(7.0), weight=weight, formulas="printed"),
     ):
         after, before = function.value([np.array(y) + change, np.array(y) - change])
         assert float(function.rate(y)) == pytest.approx((after - before) / (2.0 * step), rel=1e-5, abs=1e-7)
@@ -72,10 +78,10 @@ def test_rate_is_the_slope_of_the_value_along_the_motion(y: tuple[float, ...], w
 
 def test_corrected_fast_part_falls_as_the_proof_says_and_the_printed_does_not() -> None:
     # At rest in speed and path the fast motion alone moves: d/dt_n of v is -d r_2 (ᾱ² + q̄²)/μ if path is held too.
-    flight = DRIVEN.flight
+    flight = steady(7.0).flight
     slow = -flight.body.pitch_inertia / (flight.body.pitch_damping * flight.speed**2)
     for formulas, agrees in (("corrected", True), ("printed", False)):
-        function = composite(DRIVEN, weight=0.5, formulas=formulas)  # type: ignore[arg-type]
+        function = composite(steady(7.0), weight=0.5, formulas=formulas)  # type: ignore[arg-type]
         c1, cross, c2 = (2.0 * function.matrix[i] / 0.5 for i in ((2, 2), (2, 3), (3, 3)))
         a, q = 0.02, -0.01
         a_rate, q_rate = q / flight.rate_scale, -(a + q) / slow
@@ -88,9 +94,10 @@ def test_inertia_up_to_which_the_corrected_function_holds() -> None:
     assert inertia_limit(PETREL, 7.0) == pytest.approx(8.1, abs=0.05)
 
 
-@pytest.mark.parametrize("state", [GLIDING, DRIVEN], ids=["gliding", "driven"])
+@pytest.mark.parametrize("thrust", [0.0, 7.0])
 @pytest.mark.parametrize("formulas", ["printed", "corrected"])
-def test_the_composite_function_does_not_hold_at_the_paper_s_inertia(state: Equilibrium, formulas: Any) -> None:
+def test_the_composite_function_does_not_hold_at_the_paper_s_inertia(thrust: float, formulas: Any) -> None:
+    state = steady(thrust)
     function = composite(state, formulas=formulas)
     assert not function.holds
     assert function.reason == "the function grows along some small motion, at any weight d"
@@ -107,21 +114,21 @@ def test_the_composite_function_does_not_hold_at_the_paper_s_inertia(state: Equi
     assert math.isnan(found.level)
 
 
-def functions() -> dict[str, Lyapunov]:
-    light = equilibrium(LIGHT, 7.0, thrust=7.0, hold="propeller_speed")
-    return {
-        "quadratic, gliding": quadratic(GLIDING),
-        "quadratic, driven": quadratic(DRIVEN),
-        "quadratic, Q = 1": quadratic(DRIVEN, damping=np.eye(4)),
-        "quadratic, held pitch, diving": quadratic(equilibrium(PETREL, -3.0, pitch=-0.6, moment_sin=-4.0)),
-        "composite, light and driven": composite(light),
-        "composite, light and gliding": composite(equilibrium(LIGHT, 7.0)),
-    }
+FUNCTIONS: dict[str, Callable[[], Lyapunov]] = {
+    "quadratic, gliding": lambda: quadratic(steady(0.0)),
+    "quadratic, driven": lambda: quadratic(steady(7.0)),
+    "quadratic, Q = 1": lambda: quadratic(steady(7.0), damping=np.eye(4)),
+    "quadratic, held pitch, diving": lambda: quadratic(equilibrium(PETREL, -3.0, pitch=-0.6, moment_sin=-4.0)),
+    "composite, light and driven": lambda: composite(
+        equilibrium(LIGHT, 7.0, thrust=7.0, hold="propeller_speed"),
+    ),
+    "composite, light and gliding": lambda: composite(equilibrium(LIGHT, 7.0)),
+}
 
 
-@pytest.mark.parametrize("name", functions())
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_the_function_falls_everywhere_in_its_sublevel_set_and_not_beyond(name: str) -> None:
-    function = functions()[name]
+    function = FUNCTIONS[name]()
     found = certificate(function, ROOM)
     assert found.holds
     points = inside(found, 400_000)
@@ -134,9 +141,32 @@ def test_the_function_falls_everywhere_in_its_sublevel_set_and_not_beyond(name: 
     assert touches or float(function.rate(1.0001 * found.limit)) > 0.0
 
 
+@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name.startswith("quadratic")])
+def test_another_optimiser_finds_no_lower_point_where_the_function_does_not_fall(name: str) -> None:
+    function = FUNCTIONS[name]()
+    found = certificate(function)
+    spread = np.linalg.inv(np.linalg.cholesky(function.matrix)).T * math.sqrt(found.level)
+    limits = (
+        {"type": "ineq", "fun": lambda z: float(function.rate(spread @ z)) / found.level},
+        {"type": "ineq", "fun": lambda z: z @ z - 0.04},
+    )
+    lowest = math.inf
+    for start in np.random.default_rng(11).standard_normal((30, 4)):
+        end = minimize(
+            lambda z: z @ z,
+            1.5 * start / np.linalg.norm(start),
+            method="SLSQP",
+            constraints=limits,
+            options={"maxiter": 200, "ftol": 1e-10},
+        )
+        if end.success and limits[0]["fun"](end.x) >= -1e-8:
+            lowest = min(lowest, float(end.fun))
+    assert lowest == pytest.approx(1.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("name", ["quadratic, gliding", "quadratic, driven", "composite, light and gliding"])
 def test_motions_from_the_edge_of_the_sublevel_set_return(name: str) -> None:
-    function = functions()[name]
+    function = FUNCTIONS[name]()
     found = certificate(function, ROOM)
     vehicle = LIGHT if "light" in name else PETREL
     flight = function.state.flight
@@ -156,11 +186,11 @@ def test_motions_from_the_edge_of_the_sublevel_set_return(name: str) -> None:
 
 
 def test_axes_are_where_the_set_ends() -> None:
-    for function in (quadratic(DRIVEN), composite(equilibrium(LIGHT, 7.0))):
+    for function in (quadratic(steady(7.0)), composite(equilibrium(LIGHT, 7.0))):
         found = certificate(function, ROOM)
         for axis, reach in zip(np.eye(4), found.semi_axes, strict=True):
             assert function.value([reach * axis, -reach * axis]).max() == pytest.approx(found.level, rel=1e-9)
-    found = certificate(quadratic(DRIVEN), ROOM)
+    found = certificate(quadratic(steady(7.0)), ROOM)
     reached = np.abs(inside(found, 200_000, skin=1.0)).max(axis=0)
     assert (reached <= found.extents * (1.0 + 1e-12)).all()
     np.testing.assert_allclose(reached, found.extents, rtol=0.01)
@@ -168,20 +198,20 @@ def test_axes_are_where_the_set_ends() -> None:
 
 def test_quadratic_function_of_given_damping_solves_the_lyapunov_equation() -> None:
     damping = np.diag([1.0, 2.0, 3.0, 4.0])
-    slopes = modes(DRIVEN).matrix
-    form = quadratic(DRIVEN, damping=damping).matrix
+    slopes = modes(steady(7.0)).matrix
+    form = quadratic(steady(7.0), damping=damping).matrix
     np.testing.assert_allclose(slopes.T @ form + form @ slopes, -damping, atol=1e-9)
     np.testing.assert_allclose(form, solve_continuous_lyapunov(slopes.T, -damping), rtol=1e-12)
 
 
 def test_sum_of_mode_amplitudes_decays_twice_as_fast_as_the_slowest_mode() -> None:
-    for state in (GLIDING, DRIVEN):
+    for state in (steady(0.0), steady(7.0)):
         assert quadratic(state).decay == pytest.approx(2.0 / modes(state).time_constants[0], rel=1e-6)
 
 
 def test_guaranteed_sets_are_wider_than_those_of_unit_damping() -> None:
     # Known before: semi-axes (V̄, γ̄, ᾱ) of .242/.165/.269 gliding and .320/.153/.156 driven.
-    for state, known in ((GLIDING, (0.242, 0.165, 0.269)), (DRIVEN, (0.320, 0.153, 0.156))):
+    for state, known in ((steady(0.0), (0.242, 0.165, 0.269)), (steady(7.0), (0.320, 0.153, 0.156))):
         by_modes, by_one = (certificate(quadratic(state, damping=q)) for q in (None, np.eye(4)))
         assert (by_modes.semi_axes > by_one.semi_axes).all()
         assert (by_modes.semi_axes[:3] > known).all()
@@ -216,15 +246,15 @@ def test_no_function_where_a_mode_grows_or_nothing_flies() -> None:
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_weights_outside_their_range_are_refused(weight: float) -> None:
     with pytest.raises(ValueError, match="between 0 and 1"):
-        composite(DRIVEN, weight=weight)
+        composite(steady(7.0), weight=weight)
 
 
 def test_senseless_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="symmetric, positive definite"):
-        quadratic(DRIVEN, damping=-np.eye(4))
+        quadratic(steady(7.0), damping=-np.eye(4))
     with pytest.raises(ValueError, match="expected positive numbers"):
-        quadratic(DRIVEN, weights=(1.0, 0.0, 1.0, 1.0))
+        quadratic(steady(7.0), weights=(1.0, 0.0, 1.0, 1.0))
     with pytest.raises(ValueError, match="that of speed below 1"):
-        certificate(quadratic(DRIVEN), Bounds(1.0, 1.0, 1.0, 1.0))
+        certificate(quadratic(steady(7.0)), Bounds(1.0, 1.0, 1.0, 1.0))
     with pytest.raises(ValueError, match="expected 'printed' or 'corrected'"):
-        composite(DRIVEN, formulas="right")  # type: ignore[arg-type]
+        composite(steady(7.0), formulas="right")  # type: ignore[arg-type]
