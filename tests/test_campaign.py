@@ -408,6 +408,7 @@ class TestRealStages:
         moments = random.Random(20140728)
         kills, wanted = 0, 20
         while kills < wanted:  # at random, one in every twentieth of a run
+            begin, from_nothing = time.monotonic(), not (tmp_path / "processed").exists()
             process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
             try:
                 process.wait(timeout=0.9 * (kills + moments.random()) / wanted * whole_run)
