@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.model.case import ATTACK_EXPECTED, MAX_ANGLE_OF_ATTACK, MAX_PROPELLER_SPEED, SPEED_EXPECTED, refuse
-from pipeline.model.forces import drag, lift, propeller_of, thrust
+from pipeline.model.forces import drag, lift, pitching_moment, propeller_of, thrust
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 
@@ -88,7 +88,7 @@ def derivatives(
     u_rate = (forward - body.mass_normal * w * pitch_rate) / body.mass_forward
     w_rate = (downward + body.mass_forward * u * pitch_rate) / body.mass_normal
 
-    hydrodynamic = (body.moment_at_zero + body.moment_slope * alpha + body.pitch_damping * pitch_rate) * speed * speed
+    hydrodynamic = pitching_moment(body.moment_at_zero, body.moment_slope, body.pitch_damping, speed, alpha, pitch_rate)
     moment = density_ratio * hydrodynamic + moment_cos * cos_pitch + moment_sin * sin_pitch
     munk = (body.mass_normal - body.mass_forward) * u * w
 

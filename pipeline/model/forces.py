@@ -1,4 +1,4 @@
-"""Forces on a glider: lift, drag, thrust and net buoyancy; Eqs. (5), (6), (8), (15) of Niu et al. (2017).
+"""Forces on a glider: lift, drag, moment, thrust, net buoyancy; Eqs. (5)-(8), (15), (16) of Niu et al. (2017).
 
 Physical signs: lift acts 90 degrees above the velocity, drag against it, thrust along the nose, net buoyancy up.
 Source: Niu et al. (2017), China Ocean Eng. 31(5), 528-538, doi:10.1007/s13344-017-0061-y.
@@ -75,6 +75,22 @@ def thrust(propeller: Propeller, density: float, propeller_speed: float, speed: 
         return 0.0
     flow = density * propeller.diameter**3 * propeller_speed
     return flow * (propeller.thrust_static * propeller.diameter * propeller_speed + propeller.thrust_slope * speed)
+
+
+@njit(cache=True, error_model="numpy")
+def pitching_moment(
+    moment_at_zero: float, moment_slope: float, pitch_damping: float, speed: float, alpha: float, pitch_rate: float
+) -> float:
+    """Return the hydrodynamic pitching moment, N m at the reference density: (K_M0 + K_M α + K_q q) V², Eq. (7).
+
+    Parameters
+    ----------
+    moment_at_zero, moment_slope, pitch_damping
+        K_M0 [kg], K_M [kg/rad] and K_q [kg s/rad]; the last two are negative for a stable vehicle.
+    speed, alpha, pitch_rate
+        V [m/s], α [rad] and q [rad/s], nose up positive.
+    """
+    return (moment_at_zero + moment_slope * alpha + pitch_damping * pitch_rate) * speed * speed
 
 
 def net_buoyancy(

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.model.forces import NO_PROPELLER, drag, lift, net_buoyancy, propeller_of, thrust
+from pipeline.model.forces import NO_PROPELLER, drag, lift, net_buoyancy, pitching_moment, propeller_of, thrust
 from pipeline.vehicle import Vehicle, load
 
 
@@ -102,3 +102,9 @@ def test_negative_mass_volume_or_density_is_refused(change: dict[str, Any], mess
             reference_temperature=15.0,
         )
     assert str(caught.value) == message
+
+
+def test_pitching_moment_vanishes_at_the_paper_s_free_angle_of_attack_and_damps_pitching() -> None:
+    alpha = -0.7959 / 313.8643  # α_e = −K_M0/K_M = −0.0025358 rad with both coefficients negative
+    assert pitching_moment(-0.7959, -313.8643, -7.0, 1.3694, alpha, 0.0) == pytest.approx(0.0, abs=1e-12)
+    assert pitching_moment(-0.7959, -313.8643, -7.0, 2.0, 0.01, 0.1) == pytest.approx(4 * (-0.7959 - 3.138643 - 0.7))
