@@ -68,11 +68,12 @@ def functions() -> None:
             f"{name(thrust)}, Eq. (32) corrected, J_2 = {INERTIAS[1]} kg m2, d = {within.function.weight:.4f}, within "
             f"the paper's bounds: semi-axes V, gamma, alpha {np.round(within.semi_axes[:3], 4).tolist()}"
         )
-        for what, damping in (("modes", None), ("Q = 1", np.eye(4))):
+        plain = (1.0, 1.0, 100.0 if thrust else 10.0, 1000.0)
+        for what, damping in (("modes", None), ("Q = 1", np.eye(4)), (f"Q = diag{plain}", np.diag(plain))):
             sets = certificate(quadratic(state, damping=damping))
             print(
                 f"{name(thrust)}, quadratic by {what}: semi-axes V, gamma, alpha "
-                f"{np.round(sets.semi_axes[:3], 3).tolist()} (known before, for a function not given: {list(known)})"
+                f"{np.round(sets.semi_axes[:3], 3).tolist()} (known before: {list(known)})"
             )
 
 

@@ -21,6 +21,8 @@ from pipeline.report.drawing import FAINT, HELD, INK, MEASURED, PAPER, WIDTH, Ar
 from pipeline.vehicle import Vehicle
 
 MODES: dict[str, float | None] = {"gliding": None, "hybrid": EXAMPLE}
+#: Diagonal Q, in V̄, γ̄, ᾱ, q̄, of the plainest quadratic functions that certify regions of the size of Fig. 10.
+DAMPING = {"gliding": (1.0, 1.0, 10.0, 1000.0), "hybrid": (1.0, 1.0, 100.0, 1000.0)}
 #: Deviations V̄ and ᾱ [rad] of the map, and points along each side.
 WIDE_SPEED, WIDE_ANGLE, POINTS = (-0.95, 1.5), 0.5, 80
 
@@ -31,6 +33,7 @@ def regions(vehicle: Vehicle) -> list[dict[str, Any]]:
     for mode, thrust in MODES.items():
         state = equilibrium(vehicle, EXAMPLE, thrust=thrust)
         found = certificate(quadratic(state))
+        plain = certificate(quadratic(state, damping=np.diag(DAMPING[mode])))
         printed, corrected = composite(state, formulas="printed"), composite(state, formulas="corrected")
         rows.append(
             {
@@ -42,6 +45,8 @@ def regions(vehicle: Vehicle) -> list[dict[str, Any]]:
                 "corrected_32_holds_below_inertia_kg_m2": inertia_limit(vehicle, EXAMPLE, thrust=thrust),
                 "quadratic_holds": found.holds,
                 "quadratic_semi_axes": [float(axis) for axis in found.semi_axes[:3]],
+                "diagonal_damping": list(DAMPING[mode]),
+                "diagonal_semi_axes": [float(axis) for axis in plain.semi_axes[:3]],
             }
         )
     return rows
