@@ -37,13 +37,13 @@ class Settings:
     """Noise levels; the first group is estimated from the mission, the second is general."""
 
     sigma_w: float = 0.01  # m/s, vertical water velocity
-    tau_w: float = 300.0  # s, its correlation time
-    current_drift: float = 7e-7  # m2/s3, random walk of the current
     depth_noise: float = 0.05  # m
     swell: float = 1e-5  # m2/s, random walk of depth: vertical motion too quick to last, such as waves
     pitch_noise: float = math.radians(0.2)  # rad
     pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
 
+    tau_w: float = 300.0  # s, correlation time of vertical water velocity
+    current_drift: float = 7e-7  # m2/s3, random walk of the current
     speed_drift: float = 3e-7  # m2/s3, random walk of V in steady flight in homogeneous water
     speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
     speed_drift_manoeuvre: float = 3e-3  # m2/s3

@@ -33,7 +33,7 @@ def noise_from(series: Series) -> Settings:
 
 
 def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, use_speed: bool) -> Settings:
-    """Return settings with the σ of w_w, swell, noise and drift at the maximum of likelihood times prior.
+    """Return settings with the σ of w_w, swell and the noise of depth at the maximum of likelihood times prior.
 
     How much of the slow change of depth rate is the water's and how much is V's, the likelihood hardly says, so σ of
     w_w is not believed below `STILL`: intervals then hold either way.

@@ -163,6 +163,7 @@ def trials(vehicle: Vehicle) -> list[Claim]:
         _measured(where, "depth of the gliding trial", "m", "975"),
         _measured(where, "voyage of the gliding trial", "km", "626"),
         *(_measured(f"{where}, Danjiangkou", *row) for row in DANJIANGKOU_SETTINGS),
+        *(_measured(f"{where}, South China Sea", *row) for row in SOUTH_CHINA_SEA_SETTINGS),
         *_powered(vehicle, DANJIANGKOU, ("0.7979", "76.91", "0.5530", "0.8347", "0.7939", "0.8019", "0", "90")),
         *_powered(vehicle, SOUTH_CHINA_SEA, ("1.3743", "76.14", "0.9825", "1.3968", "1.0994", "1.6492", "31.28", "90")),
     ]
