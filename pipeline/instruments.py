@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +29,7 @@ class Channel(NamedTuple):
     """What an instrument does to a quantity and how it writes it down, in the units of the log.
 
     `scale` turns SI into the log's unit; `offset` is the 1-sigma of a constant drawn once, `noise` that of every
-    sample; the log keeps `decimals`.
+    sample unless the plan has another; the log keeps `decimals`.
     """
 
     column: str
@@ -66,9 +67,8 @@ LOGS: dict[str, dict[str, Channel]] = {
 BANKING = 2.0
 #: 1-sigma of a fix in each direction, m.
 GPS_NOISE = 3.0
-#: Jitter of a clock as a share of its interval, share of samples lost one by one, mean time between gaps [s] and
-#: the length of a gap [s].
-JITTER, LOST, BETWEEN_GAPS, GAP = 0.02, 0.005, 5400.0, (10.0, 40.0)
+#: Jitter of a clock as a share of its interval.
+JITTER = 0.02
 #: Semi-major axis [m] and squared eccentricity of WGS 84.
 WGS84 = (6378137.0, 6.69437999014e-3)
 
@@ -109,22 +109,23 @@ def observe(plan: Plan, truth: pd.DataFrame, seed: int, pitch_bias: float) -> di
     streams = {}
     for name, interval in (("ctd", plan.ctd_s), ("attitude", plan.attitude_s), ("engine", plan.engine_s)):
         rng = generator(seed, plan, name)
-        clock = _clock(rng, time[0], time[-1], interval, plan.noise)
+        clock = _clock(rng, time[0], time[-1], interval, plan)
         seen = {key: np.interp(clock, time, value) for key, value in motion.items()}
         if name == "ctd":
             seen |= _water(plan, seen["depth"])
-        streams[name] = _sampled(name, clock, seen, rng, plan.noise)
+        streams[name] = _sampled(name, clock, seen, rng, plan.noise, plan.sample_noise)
     streams["gps"] = _fixes(plan, truth, time, generator(seed, plan, "gps"))
     return streams
 
 
-def _clock(rng: np.random.Generator, start: float, end: float, interval: float, noise: float) -> Clock:
+def _clock(rng: np.random.Generator, start: float, end: float, interval: float, plan: Plan) -> Clock:
     """Return the instants of one instrument, s, increasing: its own start, jitter, losses and gaps."""
+    noise = plan.noise
     clock = np.arange(start + interval * rng.uniform(), end, interval)
     clock = clock + noise * JITTER * interval * np.clip(rng.standard_normal(clock.size), -3.0, 3.0)
-    kept = rng.uniform(size=clock.size) >= noise * LOST
-    gaps = rng.poisson(noise * (end - start) / BETWEEN_GAPS)
-    begins, lengths = rng.uniform(start, end, gaps), rng.uniform(*GAP, gaps)
+    kept = rng.uniform(size=clock.size) >= noise * plan.lost
+    gaps = rng.poisson(noise * (end - start) / plan.between_gaps)
+    begins, lengths = rng.uniform(start, end, gaps), rng.uniform(*plan.gap, gaps)
     for begin, length in zip(begins, lengths, strict=True):
         kept &= (clock < begin) | (clock > begin + length)
     return np.asarray(np.round(np.clip(clock, start, end)[kept], 3))
@@ -138,13 +139,19 @@ def _water(plan: Plan, depth: NDArray[np.float64]) -> dict[str, NDArray[np.float
 
 
 def _sampled(
-    name: str, clock: Clock, seen: dict[str, NDArray[np.float64]], rng: np.random.Generator, noise: float
+    name: str,
+    clock: Clock,
+    seen: dict[str, NDArray[np.float64]],
+    rng: np.random.Generator,
+    noise: float,
+    sample_noise: Mapping[str, float],
 ) -> pd.DataFrame:
     """Return the quantities of log `name` with offset, noise and the log's resolution, in SI."""
     frame = {"time": clock}
     for quantity, channel in LOGS[name].items():
         offset = channel.offset * rng.standard_normal()
-        logged = seen[quantity] * channel.scale + noise * (offset + channel.noise * rng.standard_normal(clock.size))
+        scatter = sample_noise.get(quantity, channel.noise) * rng.standard_normal(clock.size)
+        logged = seen[quantity] * channel.scale + noise * (offset + scatter)
         if quantity == "propeller_speed":
             logged = np.where(seen[quantity] > 0.0, np.maximum(logged, 0.0), 0.0)
         logged = np.round(logged, channel.decimals)
@@ -172,7 +179,7 @@ def _fixes(plan: Plan, truth: pd.DataFrame, time: Clock, rng: np.random.Generato
         "latitude": plan.latitude + np.degrees(north / meridian),
         "longitude": plan.longitude + np.degrees(east / (prime * math.cos(latitude))),
     }
-    return _sampled("gps", np.round(clock, 3), seen, rng, 0.0)
+    return _sampled("gps", np.round(clock, 3), seen, rng, 0.0, {})
 
 
 def write(plan: Plan, streams: dict[str, pd.DataFrame], out: Path, seed: int) -> None:

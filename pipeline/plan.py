@@ -6,7 +6,8 @@ and instruments that carry the orders out and watch, and the disturbances.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import gsw
@@ -117,6 +118,12 @@ class Plan:
         Shortest steady flight worth comparing, s, for mission.yaml.
     noise
         Factor on all instrument noise, offsets and gaps; 0 for perfect instruments.
+    sample_noise
+        1-sigma of single samples by quantity, in the unit of its log, in place of those in `instruments.LOGS`.
+    lost
+        Share of samples lost one by one.
+    between_gaps, gap
+        Mean time between gaps in an instrument's record, s, and the least and greatest length of one, s.
     step
         Longest Runge-Kutta step, s.
     longest
@@ -156,6 +163,10 @@ class Plan:
     gps_delay_s: float = 30.0
     minimum_block_s: float = 60.0
     noise: float = 1.0
+    sample_noise: Mapping[str, float] = field(default_factory=dict)
+    lost: float = 0.005
+    between_gaps: float = 5400.0
+    gap: tuple[float, float] = (10.0, 40.0)
     step: float = 0.1
     longest: float = 90_000.0
 

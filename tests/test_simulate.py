@@ -261,6 +261,34 @@ def test_net_buoyancy_follows_from_the_logs_and_mission_yaml(name: str) -> None:
     assert abs(error.mean()) < 0.03
 
 
+def test_noise_losses_and_pauses_are_those_of_the_plan() -> None:
+    plan = dataclasses.replace(
+        trial(GLIDING),
+        stages=trial(GLIDING).stages[:4],
+        sample_noise={"pitch": 0.4, "pressure": 0.08},
+        lost=0.15,
+        between_gaps=1500.0,
+        gap=(120.0, 200.0),
+    )
+    simulated = run(plan, 3)
+    time = seconds(simulated.truth["time"])
+    sensed, ctd = simulated.streams["attitude"], simulated.streams["ctd"]
+    pitch = np.degrees(sensed["pitch"] - np.interp(sensed["time"], time, simulated.truth["pitch"]))
+    assert pitch.std() == pytest.approx(0.4, rel=0.06)
+    true = Sea.of(plan, np.interp(ctd["time"], time, simulated.truth["depth"])).pressure
+    assert (ctd["pressure"] - true).std() == pytest.approx(0.08, rel=0.06)
+    for stream, interval in ((sensed, plan.attitude_s), (ctd, plan.ctd_s)):
+        pauses = np.diff(stream["time"])
+        pauses = pauses[pauses > 100.0]
+        # Two pauses may overlap; single losses lengthen one by a few intervals.
+        assert pauses.min() > 118.0
+        assert np.median(pauses) < 200.0 + 10.0 * interval
+        expected = (time[-1] - time[0]) / 1500.0
+        assert len(pauses) == pytest.approx(expected, abs=3.0 * math.sqrt(expected))
+        there = (time[-1] - time[0] - pauses.sum()) / interval
+        assert 1.0 - len(stream) / there == pytest.approx(0.15, abs=0.02)
+
+
 def nominal_error(name: str, stage: Stage, shallowest: float) -> NDArray[np.float64]:
     plan, simulated = trial_run(name)
     truth = simulated.truth
