@@ -111,7 +111,7 @@ def _figures(gap: np.ndarray, std: np.ndarray) -> dict[str, float]:
     """Return coverage of the 95 % interval, mean z², bias, RMS error and RMS 1-sigma of errors of shape (4, n)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         z = gap / std
-    figures = {}
+    figures: dict[str, float] = {}
     for k, name in enumerate(QUANTITIES):
         figures |= {
             f"cover_{name}": float(np.mean(np.abs(z[k]) < 1.96)),
@@ -194,7 +194,7 @@ def verdicts(table: pd.DataFrame) -> list[tuple[bool, str]]:
         low, high = band(whole[f"nees_{name}"])
         mean = whole[f"nees_{name}"].mean()
         out.append((low <= 1.0 <= high, f"NEES of {name} is 1 in its 95 % band: {mean:.2f}, {low:.2f} to {high:.2f}"))
-    for column in whole.filter(like="nis_"):
+    for column in (str(name) for name in whole.columns if str(name).startswith("nis_")):
         name = column.removeprefix("nis_")
         low, high = band(whole[column])
         inside = 100.0 * whole[f"in_band_{name}"].mean()
