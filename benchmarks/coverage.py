@@ -2,8 +2,8 @@
 
 Usage: ``python benchmarks/coverage.py [MISSIONS [FIRST]] [--json] [--table FILE.parquet] [--no-trials]``: a fleet of
 missions drawn at random (default 200, seeds from 1000; see `benchmarks/fleet.py`), on all cores, then the three trials
-with seeds 0 to 2. Seeds 1000 to 1219 and trial seeds 0 to 3 were looked at while the estimator was being written; others
-are fresh.
+with seeds 0 to 2. Seeds 1000 to 1219 and trial seeds 0 to 3 were looked at while the estimator was being written;
+others are fresh.
 """
 
 from __future__ import annotations
