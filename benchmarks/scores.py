@@ -194,7 +194,8 @@ def verdicts(table: pd.DataFrame) -> list[tuple[bool, str]]:
         low, high = band(whole[f"nees_{name}"])
         mean = whole[f"nees_{name}"].mean()
         out.append((low <= 1.0 <= high, f"NEES of {name} is 1 in its 95 % band: {mean:.2f}, {low:.2f} to {high:.2f}"))
-    for column in (str(name) for name in whole.columns if str(name).startswith("nis_")):
+    measured = whole.dropna(axis="columns", how="all").columns.astype(str)
+    for column in measured[measured.str.startswith("nis_")]:
         name = column.removeprefix("nis_")
         low, high = band(whole[column])
         inside = 100.0 * whole[f"in_band_{name}"].mean()
