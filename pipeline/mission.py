@@ -90,6 +90,12 @@ class Mission(_Strict):
     )
     latitude: float | None = Field(None, ge=-90, le=90, description="degrees north, where the logs carry no position")
     longitude: float | None = Field(None, ge=-180, le=360, description="degrees east")
+    clock_offset: float = Field(
+        0.0,
+        ge=-3600,
+        le=3600,
+        description="s, added to the clock of the CTD before the instruments' records are merged",
+    )
     pitch: PitchCorrection = Field(PitchCorrection(), description="calibration of the attitude sensor")
     ballast: Ballast = Field(Ballast(), description="what the vehicle weighs and displaces")
     coefficients: dict[str, float] = Field(

@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.mission import Nominal
-from pipeline.model.forces import GRAVITY, net_buoyancy
+from pipeline.model.forces import GRAVITY, PASCAL_PER_DBAR, net_buoyancy
 from pipeline.vehicle import Vehicle
+
+#: Layers, m, over which the weight of the water is summed.
+_STEP = 0.5
 
 End = Literal["duration", "deeper", "shallower", "surface"]
 
@@ -195,14 +198,9 @@ class Sea:
     def of(cls, plan: Plan, depth: NDArray[np.float64]) -> Sea:
         """Return the sea of `plan` at `depth` [m]; in-situ density by TEOS-10 at the pressure."""
         temperature, salinity = plan.water.at(depth)
-        pressure = gsw.p_from_z(-depth, plan.latitude)
-        absolute = (
-            np.zeros_like(salinity)
-            if plan.water.fresh
-            else gsw.SA_from_SP(salinity, pressure, plan.longitude, plan.latitude)
-        )
-        density = gsw.rho(absolute, gsw.CT_from_t(absolute, temperature, pressure), pressure)
-        return cls(pressure, temperature, salinity, density)
+        pressure = np.interp(depth, *_weight(plan, float(np.max(depth, initial=0.0))))
+        pressure = np.where(depth < 0.0, gsw.p_from_z(-depth, plan.latitude), pressure)
+        return cls(pressure, temperature, salinity, _density(plan, pressure, temperature, salinity))
 
     def lift(self, vehicle: Vehicle, *, mass: float, volume: float) -> NDArray[np.float64]:
         """Return the net buoyancy [N] of the hull of `vehicle` with `mass` [kg] and `volume` [m³], engine at zero."""
@@ -221,6 +219,29 @@ class Sea:
     def net_buoyancy(self, plan: Plan) -> NDArray[np.float64]:
         """Return the net buoyancy of `plan`'s vehicle here, N, with the engine at zero."""
         return self.lift(plan.vehicle, mass=plan.vehicle["mass"], volume=plan.volume)
+
+
+def _density(
+    plan: Plan, pressure: NDArray[np.float64], temperature: NDArray[np.float64], salinity: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    absolute = (
+        np.zeros_like(salinity)
+        if plan.water.fresh
+        else gsw.SA_from_SP(salinity, pressure, plan.longitude, plan.latitude)
+    )
+    return np.asarray(gsw.rho(absolute, gsw.CT_from_t(absolute, temperature, pressure), pressure), dtype=np.float64)
+
+
+def _weight(plan: Plan, deepest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return depths [m] from the surface to `deepest` and the pressure [dbar] of the water above each."""
+    depth = np.linspace(0.0, deepest, max(int(deepest / _STEP), 1) + 1)
+    temperature, salinity = plan.water.at(depth)
+    pressure = gsw.p_from_z(-depth, plan.latitude)
+    for _ in range(3):  # density hardly depends on pressure: converges by a factor 200 a time
+        weight = _density(plan, pressure, temperature, salinity) * gsw.grav(plan.latitude, pressure)
+        layers = 0.5 * (weight[1:] + weight[:-1]) * np.diff(depth)
+        pressure = np.concatenate([[0.0], np.cumsum(layers)]) / PASCAL_PER_DBAR
+    return depth, pressure
 
 
 def engine_volume(plan: Plan, force: float) -> float:

@@ -217,9 +217,21 @@ def test_instruments_see_the_truth_with_the_stated_noise_and_resolution(name: st
         decimals = LOGS[key][column].decimals
         assert np.allclose(scale * stream[column], np.round(scale * stream[column], decimals), atol=1e-9)
     ctd = simulated.streams["ctd"]
-    error = -gsw.z_from_p(ctd["pressure"].to_numpy(), plan.latitude) - np.interp(ctd["time"], time, truth["depth"])
+    depth = np.linspace(0.0, float(truth["depth"].max()) + 1.0, 5000)
+    weight = np.interp(ctd["pressure"], Sea.of(plan, depth).pressure, depth)
+    error = weight - np.interp(ctd["time"], time, truth["depth"])
     assert error.std() == pytest.approx(0.02, rel=0.06)
     assert abs(error.mean()) < 0.1
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_pressure_is_the_weight_of_the_water_above(name: str) -> None:
+    plan, _ = trial_run(name)
+    depth = np.linspace(0.0, plan.water.depth[-1], 3000)
+    sea = Sea.of(plan, depth)
+    layers = 0.5 * (sea.density[1:] + sea.density[:-1]) * np.diff(depth) * gsw.grav(plan.latitude, 0.0)
+    assert 1e4 * np.diff(sea.pressure) == pytest.approx(layers, rel=3e-4)
+    assert sea.pressure[0] == 0.0
 
 
 @pytest.mark.parametrize("name", TRIALS)

@@ -127,7 +127,8 @@ def ingest(mission: Mission) -> Ingested:
         kept, doubts = clock.cleaned(frame, str(frame.attrs["name"]))
         streams.append(kept)
         findings += doubts
-    streams = [frame for frame in streams if len(frame)]
+    streams, notes = clock.shifted([frame for frame in streams if len(frame)], mission.clock_offset)
+    findings += notes
     streams, doubts = quality.checked(streams)
     findings += doubts
     quality.require(streams, lost=findings)
@@ -139,7 +140,7 @@ def ingest(mission: Mission) -> Ingested:
     place, _ = seawater.position(mission, streams)
     table, doubts = merge.merged(streams)
     findings += doubts
-    table = table.assign(depth=seawater.depth(table["pressure"].to_numpy(dtype=np.float64), place.latitude))
+    table = seawater.with_depth(table, place.latitude)
     if "heading" in table:
         table = table.assign(heading=np.mod(table["heading"], 2 * np.pi))
     findings += plausibility.checked(table, _source(streams, "pressure"), _source(streams, "pitch"))

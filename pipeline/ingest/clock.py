@@ -17,6 +17,8 @@ Mask = npt.NDArray[np.bool_]
 EARLIEST = pd.Timestamp("1990-01-01", tz="UTC").timestamp()
 #: Records in order that are a stretch of a table, not a handful of garbage.
 _STRETCH = 25
+#: What the CTD measures, and the pressure lent to one without a sensor of its own.
+_OF_CTD = ("pressure", "pressure_interpolated", "temperature", "conductivity")
 LATEST = pd.Timestamp("2100-01-01", tz="UTC").timestamp()
 
 
@@ -63,6 +65,35 @@ def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]
         result = result.reset_index(drop=True)
     result.attrs = frame.attrs
     return result, findings
+
+
+def shifted(streams: list[pd.DataFrame], offset: float) -> tuple[list[pd.DataFrame], list[Finding]]:
+    """Return `streams` with `offset` seconds added to the clock of the CTD, and a note if that changes anything.
+
+    The CTD's clock is that of pressure, temperature and conductivity: of every stream with pressure or conductivity.
+    From one that has pitch too these columns are split off, so that they move and the rest stays.
+    """
+    if offset == 0.0:
+        return streams, []
+    out, moved = [], []
+    for frame in streams:
+        columns = [name for name in frame.columns if name.removesuffix("_qc") in _OF_CTD]
+        if not {"pressure", "conductivity"} & set(columns):
+            out.append(frame)
+            continue
+        name = str(frame.attrs.get("name", "CTD"))
+        part = frame
+        if "pitch" in frame:
+            rest = frame.drop(columns=columns)
+            part = frame[["time", *columns]]
+            part = part[part[columns].notna().any(axis=1)].reset_index(drop=True)
+            rest.attrs, part.attrs = frame.attrs, frame.attrs
+            out.append(rest)
+        later = part.assign(time=microseconds(part["time"].to_numpy(dtype=np.float64) + offset) / 1e6)
+        later.attrs = frame.attrs
+        out.append(later)
+        moved.append(name)
+    return out, [Finding("note", "mission.yaml", "clock_offset", f"{offset:+g} s on the clock of {', '.join(moved)}")]
 
 
 def unsorted(micro: npt.NDArray[np.int64], inside: Mask) -> bool:

@@ -23,6 +23,12 @@ FALLBACK_LATITUDE = 45.0
 #: Water at its freezing point may be measured this much too cold, K.
 _FREEZING_MARGIN = 0.1
 
+#: Absolute salinity of the standard ocean, g/kg, whose weight `gsw.z_from_p` takes unless told otherwise.
+_STANDARD_SALINITY = 35.16504
+#: Layers of the mean profile of density, dbar.
+_LAYER = 1.0
+PASCAL_PER_DBAR = 1e4
+
 _SEA_WATER = ("salinity", "absolute_salinity", "conservative_temperature", "density")
 
 
@@ -62,9 +68,54 @@ def position(mission: Mission, streams: list[pd.DataFrame]) -> tuple[Position, l
     )
 
 
-def depth(pressure: Array, latitude: float) -> Array:
-    """Return depth in m, positive down, shape (n,), of `pressure` in dbar at `latitude` in degrees."""
-    return np.asarray(-gsw.z_from_p(pressure, latitude), dtype=np.float64)
+def depth(pressure: Array, latitude: float, profile: tuple[Array, Array] | None = None) -> Array:
+    """Return depth in m, positive down, shape (n,), by the weight of the water that was measured above.
+
+    Without density the water is that of the standard ocean (35.165 g/kg, 0 °C): its depths are 2.8 % too small in
+    fresh, 2 % in brackish and 0.5 % in warm water, and speed from depth rate with them.
+
+    Parameters
+    ----------
+    pressure
+        Sea pressure, dbar, shape (n,).
+    latitude
+        Degrees north.
+    profile
+        Pressure [dbar] and in-situ density [kg/m³] of the CTD's samples, shape (k,) each; their mean profile is used.
+    """
+    anomaly = _dynamic_height(pressure, *profile) if profile else 0.0
+    return np.asarray(-gsw.z_from_p(pressure, latitude, anomaly), dtype=np.float64)
+
+
+def _dynamic_height(pressure: Array, sampled: Array, density: Array) -> Array:
+    """Return the dynamic height anomaly, m²/s², shape (n,): minus the integral of specific volume anomaly from p = 0.
+
+    McDougall & Barker (2011); the anomaly is that of the mission's mean profile in layers of `_LAYER` dbar.
+    """
+    known = np.isfinite(sampled) & np.isfinite(density)
+    if not known.any():
+        return np.zeros_like(pressure)
+    found = np.maximum(sampled[known], 0.0)
+    excess = 1.0 / density[known] - 1.0 / gsw.rho(_STANDARD_SALINITY, 0.0, found)
+    layer = (found / _LAYER).astype(np.int64)
+    count = np.bincount(layer)
+    met = count > 0
+    middle = (np.flatnonzero(met) + 0.5) * _LAYER
+    mean = np.bincount(layer, weights=excess)[met] / count[met]
+    edges = np.arange(count.size + 1) * _LAYER
+    steps = np.interp(0.5 * (edges[:-1] + edges[1:]), middle, mean) * _LAYER * PASCAL_PER_DBAR
+    height = -np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(np.interp(pressure, edges, height), dtype=np.float64)
+
+
+def with_depth(table: pd.DataFrame, latitude: float) -> pd.DataFrame:
+    """Return the merged records with `depth` [m]; a CTD without pressure takes that between its neighbours'."""
+    time, found = table["time"].to_numpy(np.float64), table["pressure"].to_numpy(np.float64)
+    known = np.isfinite(found)
+    if "density" not in table or not known.any():
+        return table.assign(depth=depth(found, latitude))
+    sampled = np.interp(time, time[known], found[known])
+    return table.assign(depth=depth(found, latitude, (sampled, table["density"].to_numpy(np.float64))))
 
 
 def pressure(depth_m: Array, latitude: float) -> Array:

@@ -60,6 +60,33 @@ def test_depth_gives_the_check_values_of_gsw_z_from_p_and_pressure_its_inverse()
     np.testing.assert_allclose(seawater.pressure(np.array(expected), 4.0), PRESSURE, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("salinity", "temperature"), [(0.0, 20.0), (7.5, 8.0), (33.0, 28.0), (35.16504, 0.0)])
+def test_depth_is_that_of_the_weight_of_the_water_above(salinity: float, temperature: float) -> None:
+    """A column of one water: dp = ρ g dz, integrated here, not by gsw."""
+    import gsw
+
+    pressure = np.linspace(0.0, 500.0, 2001)
+    density = gsw.rho(salinity, temperature, pressure)
+    weight = density * gsw.grav(45.0, pressure)
+    expected = np.concatenate([[0.0], np.cumsum(np.diff(pressure) * 1e4 * 0.5 * (1 / weight[1:] + 1 / weight[:-1]))])
+    found = seawater.depth(pressure, 45.0, (pressure, density))
+    np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-3)
+    assert seawater.depth(pressure, 45.0, (pressure, np.full(2001, np.nan))) == pytest.approx(
+        seawater.depth(pressure, 45.0)
+    )
+
+
+def test_a_ctd_without_pressure_of_its_own_still_weighs_the_water() -> None:
+    time = np.arange(0.0, 400.0)
+    pressure = np.where(time % 2 == 0, time / 4.0, np.nan)
+    density = np.where(time % 2 == 1, 1000.0, np.nan)
+    table = pd.DataFrame({"time": time, "pressure": pressure, "density": density})
+    found = seawater.with_depth(table, 45.0)["depth"].to_numpy()
+    assert np.isnan(found[1::2]).all()
+    assert found[200] == pytest.approx(50.0 * 1e4 / (1000.0 * 9.8062), rel=1e-3)
+    assert seawater.with_depth(table.drop(columns="density"), 45.0)["depth"][200] == pytest.approx(49.58, abs=0.02)
+
+
 def test_fresh_water_needs_no_conductivity_and_is_heaviest_at_four_degrees() -> None:
     found = seawater.sea_water(None, np.array([0.5, 4.0, 20.0]), np.zeros(3), PACIFIC, "fresh")
     assert found["density"] == pytest.approx([999.87, 999.97, 998.21], abs=0.02)  # CIPM tables
