@@ -84,6 +84,8 @@ def attitude(series: Series, vehicle: Vehicle) -> Attitude:
     vehicle
         Its polar (ratios of coefficients) gives the angle of attack, their 1-sigma its uncertainty.
     """
+    if not all(math.isfinite(value) for value in vehicle.polar):
+        return Attitude(0.0, 1.0, np.diag([math.inf, PRIOR**2]), 0, "the vehicle's polar is not known")
     blocks = _blocks(series)
     used, wanted = _wanted(blocks, vehicle.polar)
     blocks, wanted = blocks[used], wanted[used]

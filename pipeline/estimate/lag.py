@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -111,7 +112,7 @@ class _Windows:
             out.append(np.diff(integral[k] + since * (value[k] + 0.5 * since * slope), prepend=0.0))
         return out[0], out[1], out[2]
 
-    @property
+    @cached_property
     def speed(self) -> float:
         """Speed along the nose, m/s, that the depths and pitches together mean on average."""
         _, sine, _ = self.turned(0.0)

@@ -93,9 +93,13 @@ def depth_spikes(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
     return _repeated(depth, np.maximum(GATE * noise(depth), LEAST_DEPTH) + usual * _reach(time))
 
 
-def pitch_spikes(pitch: np.ndarray) -> np.ndarray:
-    """Return where `pitch` [rad], finite, shape (n,), is a spike."""
-    return _repeated(pitch, np.full(pitch.size, max(GATE * noise(pitch), LEAST_PITCH)))
+def pitch_spikes(time: np.ndarray, pitch: np.ndarray) -> np.ndarray:
+    """Return where `pitch` [rad] at `time` [s], finite, shape (n,), is a spike; beside a pause nobody can say."""
+    if time.size < 2 * SIDE + 1:
+        return np.zeros(time.size, dtype=bool)
+    allowed = np.full(pitch.size, max(GATE * noise(pitch), LEAST_PITCH))
+    allowed[_reach(time) > 4.0 * SIDE * float(np.median(np.diff(time)))] = np.inf
+    return _repeated(pitch, allowed)
 
 
 def speed_spikes(
