@@ -32,20 +32,22 @@ PAUSE, SHALLOW = 20.0, 3.0
 #: Instruments that report more seldom than this (s) do not show where a turn begins.
 SELDOM = 15.0
 #: Windows needed, samples in one, and samples of depth used at most: for the lag, and to find the noise levels.
-WINDOWS, FEWEST, SAMPLES, TUNING = 3, 8, 20_000, 4_000
+WINDOWS, FEWEST, SAMPLES, TUNING = 3, 8, 20_000, 3_000
 #: Where the search begins for the noise of depth (m), its random walk (m/√s), that of g (m/s² per √s) and the curvature
 #: of B (m/s² per √s), and the 1-sigma of the logarithm of their squares.
 START = np.log(np.square([0.03, 1e-3, 1e-2, 2e-4]))
 SPREAD = np.array([3.0, 3.0, 1.0, 0.5])
+#: Added to the logarithms to see what a less smooth B, three times in 1-sigma, does to the lag.
+LOOSER = np.array([0.0, 0.0, 0.0, math.log(9.0)])
 #: Random walks of A, for what the balance leaves out, and of w_w, m/s per √s.
 SURGE, WATER = 3e-3, 8e-4
 #: ℓ_D (m) with 1-sigma, ℓ_L (m), κ (rad⁻²): the vehicles with published coefficients lie near. Speed (m/s) below which
 #: the lift balance is not believed.
 LENGTH, LIFT, INDUCED, SLOWEST = (11.5, 2.5), 0.23, 45.0, 0.2
 #: 1-sigma (rad) of α in a turn, after all: divided by the rate of turning, a time.
-ATTACK = math.radians(1.0)
+ATTACK = math.radians(1.2)
 #: m_3/K_L (m), added mass included, with 1-sigma: divided by V, the time (s) by which the path follows the pitch.
-HEAVE = (0.27, 0.1)
+HEAVE = (0.3, 0.08)
 #: 1-sigma at which a window begins: A, g, B, Ḃ in m/s and m/s²; and the speeds (m/s) it may begin with.
 BEGIN = (0.25, 0.1, 0.08, 0.004)
 SPEEDS = (0.15, 2.0)
@@ -152,9 +154,9 @@ def lag(time: np.ndarray, depth: np.ndarray, driven: np.ndarray, clock: np.ndarr
     -------
     Lag
         The lag at the maximum of likelihood, and the time added by which the path follows the pitch. Its 1-sigma has
-        what ℓ_D leaves open, moved by its own 1-sigma, an error of α over the rate of turning, and the largest of what
-        the curvature of the profile, the profile as a distribution, and the scatter of the windows' scores say (the
-        sandwich of White 1982, doi:10.2307/1912526), so that it holds where the noise is not as modelled.
+        what ℓ_D and the smoothness of B leave open, each moved, and an error of α over the rate of turning; and the
+        largest of what the curvature of the profile, the profile as a distribution, and the scatter of the windows'
+        scores say (the sandwich of White 1982, doi:10.2307/1912526), so that it holds where the noise is another.
     """
     if min(time.size, clock.size) < 10:
         return Lag(None, None, 0, "too few samples of depth or pitch")
@@ -166,22 +168,25 @@ def lag(time: np.ndarray, depth: np.ndarray, driven: np.ndarray, clock: np.ndarr
     if count < WINDOWS:
         return Lag(None, None, count, f"{count} changes of pitch below {SHALLOW:g} m where {WINDOWS} are needed")
     some = windows.thinned(TUNING)
-    levels, peak = START, 0.0
     grid = np.arange(-REACH, REACH + 0.5)
-    for _ in range(2):
-        levels = _levels(some, peak, levels)
-        profile = np.array([some.likelihoods(at, levels).sum() for at in grid])
-        peak = float(grid[int(np.argmax(profile))])
+
+    def profile(levels: np.ndarray) -> np.ndarray:
+        return np.array([some.likelihoods(at, levels).sum() for at in grid])
+
+    levels = _levels(some, float(grid[int(np.argmax(profile(START)))]))
+    shape = profile(levels)
+    peak = float(grid[int(np.argmax(shape))])
     if not abs(peak) < REACH:
         return Lag(None, None, count, f"no offset within {REACH:g} s fits")
     value, curvature, scatter = _refined(windows, peak, levels)
     if not (curvature > 0.0 and abs(value) < REACH):
         return Lag(None, None, count, "the likelihood has no single maximum")
-    weight = np.exp(profile - profile.max())
+    weight = np.exp(shape - shape.max())
     spread = math.sqrt(float(np.sum(weight * (grid - value) ** 2) / np.sum(weight)))
     random = max(1.0 / math.sqrt(curvature), scatter, spread if spread > 1.0 else 0.0)
     moved = [
         _refined(windows, value, levels, length=sum(LENGTH))[0] - value,
+        _refined(windows, value, levels + LOOSER)[0] - value,
         HEAVE[1] / windows.speed,
         ATTACK / windows.turn_rate,
     ]
@@ -221,23 +226,23 @@ def _distance(events: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(np.abs(later - time), np.abs(time - earlier)))
 
 
-def _levels(windows: _Windows, value: float, start: np.ndarray) -> np.ndarray:
+def _levels(windows: _Windows, value: float) -> np.ndarray:
     """Return the logarithms of the noise variances at the maximum of likelihood times prior, given the lag."""
 
     def cost(levels: np.ndarray) -> float:
         off = (levels - START) / SPREAD
         return 0.5 * float(off @ off) - float(windows.likelihoods(value, levels).sum())
 
-    simplex = np.vstack([start, start + np.eye(4)])
+    simplex = np.vstack([START, START + np.eye(4)])
     options = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.1, "fatol": 0.2}
-    return np.asarray(minimize(cost, start, method="Nelder-Mead", options=options).x)
+    return np.asarray(minimize(cost, START, method="Nelder-Mead", options=options).x)
 
 
 def _refined(
     windows: _Windows, value: float, levels: np.ndarray, length: float = LENGTH[0]
 ) -> tuple[float, float, float]:
     """Return the lag at the maximum near `value`, minus the second derivative there, and its 1-sigma by scatter."""
-    step = 0.5
+    step = 1.0
     move = math.inf
     for attempt in range(9):
         below, here, above = (windows.likelihoods(value + off, levels, length) for off in (-step, 0.0, step))

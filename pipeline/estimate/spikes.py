@@ -16,7 +16,7 @@ from scipy.ndimage import median_filter
 #: Samples on either side; spikes of up to two are found at once, longer ones in as many passes.
 SIDE, PASSES = 5, 4
 #: Departure that counts, in 1-sigma of the noise, and the share of it by which the two sides may differ.
-GATE, AGREE = 8.0, 0.25
+GATE, AGREE = 8.0, 0.4
 #: Least departures that count: m, rad, m/s.
 LEAST_DEPTH, LEAST_PITCH, LEAST_SPEED = 1.0, math.radians(8.0), 0.04
 #: The vehicle is nowhere faster than this, m/s; nor slower than its depth rate by more than this.

@@ -7,7 +7,7 @@ import pandas as pd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.ingest.clock import cleaned, longest_increase
+from pipeline.ingest.clock import cleaned, longest_increase, shifted
 
 START = 1.5e9
 
@@ -100,3 +100,44 @@ def test_a_clock_that_is_set_back_is_not_sorted() -> None:
     found, findings = cleaned(_frame(time.tolist()), "ctd.csv")
     assert "goes backwards" in str(findings[0])
     assert len(found) == 201
+
+
+def _streams() -> list[pd.DataFrame]:
+    time = START + np.arange(3.0)
+    ctd = pd.DataFrame({"time": time, "pressure": [1.0, 2.0, 3.0], "temperature": 10.0})
+    flight = pd.DataFrame({"time": time, "pitch": [0.1, 0.2, 0.3], "roll": 0.0})
+    ctd.attrs, flight.attrs = {"name": "ctd.csv"}, {"name": "attitude.csv"}
+    return [ctd, flight]
+
+
+def test_the_clock_of_the_ctd_alone_is_moved_and_no_value_changes() -> None:
+    before = _streams()
+    (ctd, flight), findings = shifted(before, -2.5)
+    assert ctd["time"].tolist() == [START - 2.5, START - 1.5, START - 0.5]
+    pd.testing.assert_frame_equal(ctd.drop(columns="time"), before[0].drop(columns="time"))
+    pd.testing.assert_frame_equal(flight, before[1])
+    assert ctd.attrs == {"name": "ctd.csv"}
+    assert [str(finding) for finding in findings] == [
+        "mission.yaml: clock_offset: found -2.5 s on the clock of ctd.csv",
+    ]
+
+
+def test_pressure_in_the_table_of_pitch_is_split_off_to_be_moved() -> None:
+    _, flight = _streams()
+    both = flight.assign(pressure=[1.0, np.nan, 3.0], pressure_qc=np.int8(1))
+    both.attrs = {"name": "all.csv"}
+    streams, _ = shifted([both], 4.0)
+    assert [list(frame.columns) for frame in streams] == [
+        ["time", "pitch", "roll"],
+        ["time", "pressure", "pressure_qc"],
+    ]
+    assert streams[0]["time"].tolist() == flight["time"].tolist()
+    assert [frame.attrs["name"] for frame in streams] == ["all.csv", "all.csv"]
+    moved = streams[1].dropna(subset=["pressure"])
+    assert moved["time"].tolist() == [START + 4.0, START + 6.0]
+    assert moved["pressure"].tolist() == [1.0, 3.0]
+
+
+def test_without_an_offset_the_streams_are_the_same_ones() -> None:
+    streams = _streams()
+    assert shifted(streams, 0.0) == (streams, [])
