@@ -159,9 +159,7 @@ def _covariance(blocks: _Blocks, vehicle: Vehicle, wanted: np.ndarray) -> np.nda
     by_rate = (_wanted(_moved(blocks, rate=1e-4), vehicle.polar)[1] - wanted) / 1e-4
     by_speed = (_wanted(_moved(blocks, speed=1e-4), vehicle.polar)[1] - wanted) / 1e-4
     apart = np.abs(blocks.time[:, None] - blocks.time[None, :])
-    length = BLOCK / WATER_TIME
-    within = 2.0 * (length - 1.0 + math.exp(-length)) / length**2  # variance of a mean over a block
-    water = WATER**2 * np.where(apart > 0.0, np.exp(-apart / WATER_TIME), within)
+    water = WATER**2 * np.exp(-apart / WATER_TIME)
     out = by_rate[:, None] * water * by_rate[None, :]
     out[np.diag_indices_from(out)] += (
         blocks.pitch_variance + by_rate**2 * blocks.rate_variance + by_speed**2 * blocks.speed_variance + 1e-10

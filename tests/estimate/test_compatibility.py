@@ -215,6 +215,24 @@ def test_a_pitch_bias_is_found_by_a_speed_sensor_and_taken_off(biased: Flown) ->
     assert "set pitch: {scale: 1.000, offset_rad: " in str(got.findings[-1])
 
 
+def test_the_pitch_bias_of_vehicles_unlike_their_file_lies_within_its_uncertainty(tmp_path: Path) -> None:
+    pulls = []
+    for seed in range(12):
+        drawn = np.random.default_rng(500 + seed)
+        coefficients = ("lift_slope", "parasite_drag", "induced_drag")
+        craft = PETREL.with_values(
+            {name: PETREL[name] + PETREL.std(name) * drawn.standard_normal() for name in coefficients}, "drawn"
+        )
+        bias = 2.0 * drawn.standard_normal()
+        flown = fly(tmp_path / str(seed), plan(seed, legs=3, craft=craft), seed, bias_deg=bias).with_speed(seed=seed)
+        sensor = flown.records["speed_through_water"].to_numpy() * (1.0 + 0.01 * drawn.standard_normal())
+        report = flown.changed(speed_through_water=sensor).reconciled(USE).report
+        for name, true in (("pitch_bias", -math.radians(bias)), ("pitch_scale", 1.0)):
+            pulls.append((report[name]["value"] - true) / report[name]["std"])
+    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.3
+    assert np.abs(pulls).max() < SIGNIFICANT
+
+
 def test_a_pitch_scale_is_found_by_a_speed_sensor(plain: Flown) -> None:
     got = plain.with_speed().changed(pitch=plain.records["pitch"].to_numpy() / 0.86).reconciled(USE)
     entry = got.report["pitch_scale"]
