@@ -17,8 +17,8 @@ from scipy.ndimage import median_filter
 SIDE, PASSES = 5, 4
 #: Departure that counts, in 1-sigma of the noise, and the share of it by which the two sides may differ.
 GATE, AGREE = 8.0, 0.4
-#: Least departures that count: m, rad, m/s.
-LEAST_DEPTH, LEAST_PITCH, LEAST_SPEED = 1.0, math.radians(8.0), 0.04
+#: Least departures that count: m, rad (an autopilot that hunts swings by 10° and back), m/s.
+LEAST_DEPTH, LEAST_PITCH, LEAST_SPEED = 1.0, math.radians(20.0), 0.04
 #: The vehicle is nowhere faster than this, m/s; nor slower than its depth rate by more than this.
 FASTEST, SLOWER = 2.5, 0.06
 #: Speed in a manoeuvre is judged by samples closer than this (s) only: meanwhile the vehicle may gather way.

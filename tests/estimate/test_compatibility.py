@@ -356,6 +356,15 @@ def test_spikes_of_depth_are_found_whatever_their_size_and_a_turn_is_none(
     np.testing.assert_array_equal(np.flatnonzero(depth_spikes(time, depth)), np.arange(at, at + length))
 
 
+def test_an_autopilot_that_hunts_makes_no_spikes() -> None:
+    time = 4.5 * np.arange(400.0)
+    noise = math.radians(0.2) * np.random.default_rng(0).standard_normal(400)
+    for period in (15.0, 20.0, 30.0):
+        assert not pitch_spikes(time, -0.4 + math.radians(9.0) * np.sin(2.0 * math.pi * time / period) + noise).any()
+        once = np.where(np.abs(time - 900.0) < 0.5 * period, np.cos(math.pi * (time - 900.0) / period), 0.0)
+        assert not pitch_spikes(time, -0.4 + math.radians(12.0) * once + noise).any()
+
+
 def test_steps_are_no_spikes() -> None:
     step = np.where(np.arange(100) < 50, 0.0, 10.0)
     assert not out_and_back(step, np.full(100, 1.0)).any()
