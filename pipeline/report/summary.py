@@ -75,6 +75,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "sensor": inputs.estimate.get("coverage"),
         "gps": inputs.estimate.get("gps"),
         "estimator": {"settings": settings, "consistency": inputs.estimate.get("consistency"), "used": used},
+        "consistency": _consistency(inputs.estimate),
         "findings": _findings(inputs),
         "borrowed": methods.borrowed(inputs, gps=gps is not None, sensor_used=sensor_used),
         "methods": methods.paragraph(inputs, fitted, gps=gps is not None, sensor_used=sensor_used),
@@ -136,6 +137,16 @@ def _observability(estimates: pd.DataFrame) -> dict[str, Any]:
         "observable_percent": 100.0 * float(seen.mean()),
         "reasons": sorted(reasons, key=lambda row: (-row["samples"], row["reason"])),
     }
+
+
+def _consistency(estimate: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what the consistency report says of each estimate, its method by name."""
+    found: Mapping[str, Any] = estimate.get("consistency") or {}
+    return [
+        {"method": method, **report}
+        for method, report in found.items()
+        if isinstance(report, Mapping) and "innovations" in report
+    ]
 
 
 def _blocks(blocks: pd.DataFrame) -> dict[str, Any]:

@@ -64,6 +64,41 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.text).split())
 
 
+def consistent(*, off=False):
+    """Return a consistency report; if `off`, of an estimate that is not consistent, and without a pitch sensor."""
+    words = "41 % larger than predicted" if off else "as large as predicted"
+    seen = {
+        "n": 4321, "nis": 1.991 if off else 1.004, "low": 0.958, "high": 1.043, "n_effective": 2987.6,
+        "low_effective": 0.949, "high_effective": 1.051, "verdict": words, "lags": 20,
+        "ljung_box": 812.4 if off else 21.7, "p": 0.0 if off else 0.357, "greatest_correlation": 0.314 if off else -0.022, "greatest_lag": 7,
+        "whiteness": "correlated" if off else "white", "reason": "",
+    }  # fmt: skip
+    ahead = {
+        "n": 71, "rms_error": 0.137, "predicted_rms": 0.131, "normalised": 1.09, "low": 0.698, "high": 1.356,
+        "coverage95": 0.9437, "verdict": "as large as predicted", "reason": "",
+    }  # fmt: skip
+    reason = "0 measurements in steady flight; at least 50 are needed"
+    pitch = dict.fromkeys(seen) | {"n": 0, "verdict": reason, "whiteness": reason, "reason": reason} if off else seen
+    return {
+        "innovations": [{"instrument": "depth", **seen}, {"instrument": "pitch", **pitch}],
+        "predictions": [
+            {"instrument": "depth", "unit": "m", "steps": 1, **ahead},
+            {
+                "instrument": "pitch",
+                "unit": "deg",
+                "steps": 60,
+                **dict.fromkeys(ahead),
+                "n": 3,
+                "reason": "3 stretches",
+            },
+        ],
+        "sensor": None if off else {"n": 877, "bias": -0.0042, "rmse": 0.0123, "coverage95": 0.934},
+        "sentence": "It is not quite consistent: innovations of depth are 41 % larger than predicted."
+        if off
+        else "It is consistent: its errors are as large as it predicts, within 10 %.",
+    }
+
+
 def complete(petrel):
     """Return the inputs of a mission that has everything."""
     table = blocks(dives=6, sensor=True, extra_drag=1.0)
@@ -74,6 +109,7 @@ def complete(petrel):
         stored=stored_model(table, 0.76),
         estimate={
             "coverage": {"n": 900, "rmse": 0.011, "bias": -0.002, "coverage95": 0.95},
+            "consistency": {"kinematic": consistent(), "force": consistent(off=True)},
             "gps": {
                 "legs": [{"heading_deg": 90.0, "displacement_m": 700.0, "duration_s": 1000.0, "speed": None,
                           "speed_std": None, "current_east": 0.1, "current_north": 0.0}],
@@ -169,6 +205,26 @@ def test_every_number_on_the_page_is_in_the_summary(built):
         if not any(near) and token not in texts and token not in (str(counted), str(MOST_ROWS)):
             missing.append(token)
     assert missing == []
+
+
+def test_page_says_whether_each_estimate_is_consistent_and_what_it_means_if_not(built):
+    words = Page(built[1]).words
+    section = words[words.index("Is the estimator consistent?") : words.rindex("What was borrowed")]
+    assert [row["method"] for row in built[0]["consistency"]] == ["kinematic", "force"]
+    for found in built[0]["consistency"]:
+        assert f"The {found['method']} estimate {found['sentence']}" in section
+    for shown in ("1.004", "1.991", "0.949 to 1.051", "2988", "21.7 0.357", "−0.02", "correlated", "0.137", "94.4",
+                  "0 measurements in steady flight", "3 stretches", "at 877 instants: bias −0.42 cm/s, RMSE 1.23 cm/s",
+                  "intervals of what is measured too narrow"):  # fmt: skip
+        assert shown in section, shown
+    assert built[1].count('class="number significant">1.991') == 1
+    assert 'class="number significant">1.004' not in built[1]
+
+
+def test_page_without_a_consistency_report_says_so(petrel, mission):
+    summary, page = build(inputs(mission, petrel, blocks(dives=1)))
+    assert summary["consistency"] == []
+    assert "No consistency report: the estimates came without one." in Page(page).words
 
 
 def test_key_numbers_on_the_page_are_those_of_the_summary(built):
