@@ -70,7 +70,8 @@ def consistent(*, off=False):
     seen = {
         "n": 4321, "nis": 1.991 if off else 1.004, "low": 0.958, "high": 1.043, "n_effective": 2987.6,
         "low_effective": 0.949, "high_effective": 1.051, "verdict": words, "lags": 20,
-        "ljung_box": 812.4 if off else 21.7, "p": 0.0 if off else 0.357, "greatest_correlation": 0.314 if off else -0.022, "greatest_lag": 7,
+        "ljung_box": 812.4 if off else 21.7, "p": 0.0 if off else 0.357,
+        "greatest_correlation": 0.314 if off else -0.022, "greatest_lag": 7,
         "whiteness": "correlated" if off else "white", "reason": "",
     }  # fmt: skip
     ahead = {
