@@ -23,8 +23,8 @@ from numba import njit
 from pipeline.estimate.series import PAUSE
 from pipeline.estimate.smoother import Problem, Solution, predictions
 
-#: Rows ahead, and the distance of the rows that predictions start from: no two overlap.
-STEPS, STRIDE = (1, 10, 60), 60
+#: Rows ahead, and the least distance of the rows that predictions start from; no two of the same length overlap.
+STEPS, STRIDE = (1, 10, 60), 20
 #: Lags of the test for whiteness.
 LAGS = 20
 #: Correlation of successive innovations below this is called weak: it changes a 1-sigma by some per cent at most.
@@ -34,7 +34,7 @@ WEAK = 0.1
 FAR = 0.1
 AS_PREDICTED = "as large as predicted"
 #: Fewer samples than this say nothing.
-FEWEST = 50
+FEWEST = 30
 #: Units that predictions are reported in, with their size in SI.
 UNITS = {"depth": ("m", 1.0), "pitch": ("deg", math.pi / 180.0), "speed": ("cm/s", 0.01)}
 

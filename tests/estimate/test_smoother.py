@@ -224,7 +224,7 @@ def test_predictions_are_the_states_carried_on_without_measurements() -> None:
     H = design(case)
     for start in range(0, 50, stride):
         for s, step in enumerate(steps):
-            if start + step > last[start]:
+            if start + step > last[start] or (step > stride and start % (2 * stride)):
                 assert np.isnan(error[start // stride, s]).all()
                 continue
             hidden = case.observed[: start + step + 1].copy()

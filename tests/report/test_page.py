@@ -78,7 +78,7 @@ def consistent(*, off=False):
         "n": 71, "rms_error": 0.137, "predicted_rms": 0.131, "normalised": 1.09, "low": 0.698, "high": 1.356,
         "coverage95": 0.9437, "verdict": "as large as predicted", "reason": "",
     }  # fmt: skip
-    reason = "0 measurements in steady flight; at least 50 are needed"
+    reason = "0 measurements in steady flight; at least 30 are needed"
     pitch = dict.fromkeys(seen) | {"n": 0, "verdict": reason, "whiteness": reason, "reason": reason} if off else seen
     return {
         "innovations": [{"instrument": "depth", **seen}, {"instrument": "pitch", **pitch}],
