@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks import scores
 from benchmarks.fleet import fly, plan_of
 from pipeline import mission, simulate, store, trials, vehicle, workers
-from pipeline.estimate.kinematic import estimate
+from pipeline.estimate.stage import estimate
 from pipeline.ingest import ingest
 from pipeline.records import seconds
 

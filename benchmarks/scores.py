@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.fleet import Flight, Flown
-from pipeline.estimate.kinematic import Estimated
+from pipeline.estimate.stage import Estimated
 from pipeline.records import seconds
 
 #: What is scored.

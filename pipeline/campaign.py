@@ -132,14 +132,15 @@ def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 def _estimate(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.estimate.blocks import block_means
-    from pipeline.estimate.kinematic import estimate
-    from pipeline.records import BLOCKS, ESTIMATES
+    from pipeline.estimate.stage import estimate
+    from pipeline.records import BLOCKS, ESTIMATES, of_method
 
     records = store.read_table(job.path("records.parquet"))
     constants = store.read_json(job.path("ingest.json"))["constants"]
     vehicle = resolve_vehicle(mission, constants)
-    estimated = estimate(records, vehicle, mission, engine=job.engine)
-    blocks, findings = block_means(records, estimated.estimates, vehicle, mission, constants)
+    estimated = estimate(records, vehicle, mission, constants=constants, engine=job.engine)
+    kinematic = of_method(estimated.estimates, "kinematic")
+    blocks, findings = block_means(records, kinematic, vehicle, mission, constants)
     store.write_table(job.path("estimates.parquet"), estimated.estimates, ESTIMATES, {"mission": job.name})
     store.write_table(job.path("blocks.parquet"), blocks, BLOCKS, {"mission": job.name})
     listed = [finding.as_dict() for finding in (*estimated.findings, *findings)]
@@ -156,15 +157,18 @@ def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 
 def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
+    from pipeline.records import of_method
     from pipeline.report import Inputs, build
 
     ingested = store.read_json(job.path("ingest.json"))
+    estimates = store.read_table(job.path("estimates.parquet"))
     summary, page = build(
         Inputs(
             mission=mission,
             vehicle=resolve_vehicle(mission, ingested["constants"]),
             records=store.read_table(job.path("records.parquet")),
-            estimates=store.read_table(job.path("estimates.parquet")),
+            estimates=of_method(estimates, "kinematic"),
+            force=of_method(estimates, "force"),
             blocks=store.read_table(job.path("blocks.parquet")),
             predictions=store.read_table(job.path("predictions.parquet")),
             stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,

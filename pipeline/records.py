@@ -210,6 +210,11 @@ def _missing(column: Column) -> Any:
     return 0
 
 
+def of_method(estimates: pd.DataFrame, method: str) -> pd.DataFrame:
+    """Return the rows of the canonical estimates by one method, numbered from 0."""
+    return estimates[estimates["method"] == method].reset_index(drop=True)
+
+
 def seconds(time: pd.Series) -> np.ndarray:
     """Return the column `time` as float seconds since 1970-01-01 UTC, shape (n,)."""
     stamps = pd.DatetimeIndex(time).as_unit("ns").asi8

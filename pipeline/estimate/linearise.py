@@ -3,81 +3,86 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from pipeline.estimate.series import Series
+from pipeline.estimate.settings import Settings
 from pipeline.estimate.smoother import Problem
-from pipeline.model.closure import glide_angle
+from pipeline.model.closure import best_glides, glide_near, parasite
 from pipeline.vehicle import Polar
 
 #: States, in order; the last five only where there are fixes and a heading. CRUISE is the speed of powered level
 #: flight: at one propeller setting it is the same from one stretch to the next.
-SPEED, PITCH, DEPTH, WATER, SLIP, EAST, NORTH, CURRENT_EAST, CURRENT_NORTH, CRUISE = range(10)
-#: Kinds of measurement, in order; the last three only where there are fixes and a heading. The last ties V to CRUISE
-#: where a cruise begins and ends.
-MEASURED = ("depth", "pitch", "speed", "east", "north", "continuity")
-
+SPEED, PITCH, DEPTH, WATER, SLIP, RESPONSE, EAST, NORTH, CURRENT_EAST, CURRENT_NORTH, CRUISE = range(11)
+#: Kinds of measurement, in order, and the state measured; the last three only where there are fixes and a heading.
+#: The last ties V to CRUISE where a cruise begins and ends.
+MEASURED = {"depth": DEPTH, "pitch": PITCH, "speed": SPEED, "east": EAST, "north": NORTH, "continuity": SPEED}
 
 #: 1-sigma of α under power as a share of the glide's α at the same pitch. With thrust T ≥ 0 less lift is needed than
 #: in the glide, so that |α| lies between zero and the glide's; near level, net buoyancy of either sign can be carried.
 SPAN = 0.6
 
+#: Relative change of V per change of pitch (1/rad) is taken to be at most this.
+STEEPEST_TURN = 5.0
 
 #: Over a pause in the records (s) longer than this nothing is carried: the states are as open as after it, and the
 #: position anywhere (m). Their covariance would outgrow double precision.
 LONGEST, ANYWHERE = 21_600.0, 1e5
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Noise levels; the first group is estimated from the mission, the second is general."""
+class Sources(NamedTuple):
+    """Which measurements are used besides depth and pitch."""
 
-    sigma_w: float = 0.01  # m/s, vertical water velocity
-    depth_noise: float = 0.05  # m
-    swell: float = 1e-5  # m2/s, random walk of depth: vertical motion too quick to last, such as waves
-    pitch_noise: float = math.radians(0.2)  # rad
-    pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
+    speed: bool
+    fixes: bool
 
-    tau_w: float = 300.0  # s, correlation time of vertical water velocity
-    current_drift: float = 7e-7  # m2/s3, random walk of the current
-    speed_drift: float = 3e-7  # m2/s3, random walk of V in steady flight in homogeneous water
-    speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
-    speed_drift_manoeuvre: float = 3e-3  # m2/s3
-    speed_drift_gentle: float = 2e-5  # m2/s3, manoeuvres under steady power
-    speed_drift_surface: float = 1e-2  # m2/s3, at the surface: what V was there says nothing about the dive
-    stratification: float = 0.2  # m3/kg, relative change of V per change of density: g·volume/2G for G of 1 to 5 N
-    pitch_drift_manoeuvre: float = math.radians(1.0) ** 2  # rad2/s
-    slip: float = math.radians(0.1)  # rad, 1-sigma of δ in steady unpowered flight
-    slip_manoeuvre: float = math.radians(1.0)
-    slip_time: float = 15.0  # s
-    slip_time_manoeuvre: float = 10.0
-    slip_time_powered: float = 3600.0  # net buoyancy and thrust last, and with them what they do to α
-    fix_noise: float = 5.0  # m
-    position_drift: float = 0.05  # m2/s, dead reckoning below the surface
-    surface_drift: float = 4.0  # m2/s, at the surface
-    heave_drift: float = 0.2  # m2/s, depth in manoeuvres and at the surface
-    cruise_drift: float = 3e-8  # m2/s3, random walk of the speed of powered level flight
-    continuity: float = 0.02  # m/s, 1-sigma by which V just before and after differs from it
-    initial_speed: float = 0.5  # m/s, 1-sigma
-    initial_current: float = 0.3  # m/s, 1-sigma
+
+class Considered(NamedTuple):
+    """What is borrowed and not exactly known: the bias of pitch, and c − 1 coefficients."""
+
+    pitch: float  # rad, 1-sigma
+    polars: np.ndarray  # (c - 1, 2, 5): the polar with one coefficient moved by its 1-sigma each, up and down
 
 
 class Trajectory(NamedTuple):
-    """Where the model is linearised: V, θ and δ, each of shape (m,)."""
+    """Where the model is linearised: V, θ, δ and κ, each of shape (m,)."""
 
     speed: np.ndarray
     pitch: np.ndarray
     slip: np.ndarray
+    response: np.ndarray
 
 
-@njit(cache=True)
-def _integrated(sigma: float, tau: float, dt: float) -> tuple[float, float, float, float]:
-    """Return decay, mean weight and noise (variance, covariance, variance of integral) of a Gauss–Markov process."""
-    phi = math.exp(-dt / tau)
+class Course(NamedTuple):
+    """What the model takes from `Series` besides measurements; see there."""
+
+    time: np.ndarray
+    heading: np.ndarray
+    stratification: np.ndarray
+    powered: np.ndarray
+    manoeuvre: np.ndarray
+    gentle: np.ndarray
+    surfaced: np.ndarray
+    cruising: np.ndarray
+    new_setting: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def integrated(sigma: float, tau: float, dt: float, phi: float) -> tuple[float, float, float, float]:
+    """Return mean weight and noise (variance, covariance, variance of integral) of a Gauss–Markov process.
+
+    Parameters
+    ----------
+    sigma, tau
+        1-sigma and correlation time, s.
+    dt
+        Time step, s.
+    phi
+        exp(−dt/tau).
+    """
     weight = tau * (1.0 - phi)
     variance = sigma * sigma * (1.0 - phi * phi)
     covariance = sigma * sigma * tau * (1.0 - phi) ** 2
@@ -85,100 +90,138 @@ def _integrated(sigma: float, tau: float, dt: float) -> tuple[float, float, floa
     return weight, variance, covariance, integral
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def change_of_glide(moved: np.ndarray, speed: float, pitch: float, guess: float) -> float:
+    """Return the change of a glide's α, rad, per 1-sigma of a coefficient: half of that between up and down.
+
+    With 1-sigma of 20 to 50 % α is far from linear in lift and drag; the difference upwards alone is a fifth short of
+    the standard deviation of α.
+
+    Parameters
+    ----------
+    moved
+        The two polars, shape (2, 5).
+    speed, pitch
+        V [m/s] and θ [rad].
+    guess
+        Angle of attack near those looked for, rad; NaN: none.
+    """
+    change = 0.0
+    for side in range(2):
+        polar = Polar(moved[side, 0], moved[side, 1], moved[side, 2], moved[side, 3], moved[side, 4])
+        drag_0 = parasite(polar, speed)
+        alpha = glide_near(polar, drag_0, best_glides(polar, drag_0), speed, pitch, guess)[0]
+        change += 0.5 * alpha if side == 0 else -0.5 * alpha
+    return change
+
+
+@njit(cache=True, nogil=True)
 def _fill(
     polar: Polar,
-    time: np.ndarray,
-    heading: np.ndarray,
-    stratification: np.ndarray,
-    powered: np.ndarray,
-    manoeuvre: np.ndarray,
-    gentle: np.ndarray,
-    surfaced: np.ndarray,
-    cruising: np.ndarray,
-    new_setting: np.ndarray,
-    speed: np.ndarray,
-    pitch: np.ndarray,
-    slip: np.ndarray,
-    drifts: tuple[float, float, float, float, float, float, float, float, float],
-    water: tuple[float, float],
-    slips: tuple[float, float, float, float, float],
-    positions: tuple[float, float, float, float],
-    cruise: tuple[float, float],
-    transition: np.ndarray,
+    moved: np.ndarray,
+    course: Course,
+    at: Trajectory,
+    s: Settings,
+    decay: np.ndarray,
+    rows: np.ndarray,
     shift: np.ndarray,
-    process: np.ndarray,
+    noise: np.ndarray,
+    cross: np.ndarray,
 ) -> None:
-    """Fill transition, shift and process noise along the trajectory; the arrays come in as zeros."""
-    m, n = shift.shape
+    """Fill F, shift and Q along the trajectory; `moved` holds the polars of the considered parameters."""
+    m, n = decay.shape
+    c = moved.shape[0]
+    drag_0, alpha, dt_0 = parasite(polar, 1.0), math.nan, -1.0
+    best = best_glides(polar, drag_0)
+    phi_w = 1.0
     for k in range(m - 1):
-        pause = time[k + 1] - time[k]
+        pause = course.time[k + 1] - course.time[k]
         dt = min(max(pause, 1e-3), LONGEST)
-        glide, by_pitch, by_speed, steady = glide_angle(polar, speed[k], pitch[k])
-        share = 0.0 if powered[k] else 1.0  # under power the closure says only how far α may be from zero
-        gamma = pitch[k] - share * glide - slip[k]
+        v, pitch, quick, surfaced = at.speed[k], at.pitch[k], course.manoeuvre[k], course.surfaced[k]
+        powered, gentle, cruising = course.powered[k], course.gentle[k], course.cruising[k]
+        if polar.drag_exponent != 0.0:
+            drag_0 = parasite(polar, v)
+            best = best_glides(polar, drag_0)
+        alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, pitch, alpha)
+        share = 0.0 if powered else 1.0  # under power the closure says only how far α may be from zero
+        gamma = pitch - share * alpha - at.slip[k]
         sine, cosine = math.sin(gamma), math.cos(gamma)
         turn_v, turn_t = -share * by_speed, 1.0 - share * by_pitch  # ∂γ/∂V, ∂γ/∂θ; ∂γ/∂δ = −1
-        v = speed[k]
-        # rate of depth and its slopes
+        met = course.stratification[k]
+        slowing = 0.0 if math.isnan(met) or surfaced or cruising else met
         rate = -v * sine
         z_v, z_t, z_s = -sine - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
-        quick = manoeuvre[k]
-        if surfaced[k]:
-            q_v = drifts[8]
+        turned = 0.0
+        if surfaced:
+            q_v = s.speed_drift_surface
         elif quick:
-            q_v = drifts[7] if gentle[k] else drifts[1]
-        elif math.isnan(stratification[k]):
-            q_v = drifts[5]
+            q_v = s.speed_drift_gentle if gentle else s.speed_drift_manoeuvre
+        elif math.isnan(course.stratification[k]):
+            q_v = s.speed_drift_blind
         else:
-            # a change of 1 kg/m3 moves V by about drifts[6] V, in either direction
-            q_v = drifts[0] + (drifts[6] * v) ** 2 * stratification[k]
-        q_t = drifts[3] if quick else drifts[2]
-        sigma_s, tau_s = (slips[1], slips[3]) if quick else (slips[0], slips[2])
-        if powered[k]:
-            sigma_s = max(sigma_s, SPAN * abs(glide))
-            if gentle[k]:
-                tau_s = slips[4]
+            q_v = s.speed_drift + (s.stratification * v) ** 2 * met
+            if powered or not steady:
+                q_v += (0.5 * v) ** 2 * s.pitch_drift * min(cosine**2 / max(sine**2, 1e-3), 25.0)
+            else:
+                drag = drag_0 + polar.induced_drag * alpha**2
+                by_turn = 0.5 * cosine / sine * (1.0 - by_pitch) - polar.induced_drag * alpha * by_pitch / drag
+                by_turn = min(max(by_turn, -STEEPEST_TURN), STEEPEST_TURN)
+                turned = by_turn * (at.pitch[k + 1] - at.pitch[k])
+                q_v += (s.pitch_share * by_turn * v) ** 2 * s.pitch_drift
+        q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
+        sigma_s, tau_s = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
+        if powered:
+            sigma_s = max(sigma_s, SPAN * abs(alpha))
+            if gentle:
+                tau_s = s.slip_time_powered
         if not steady:
-            sigma_s = max(sigma_s, slips[1])
-        w_weight, w_var, w_cov, w_int = _integrated(water[0], water[1], dt)
-        s_weight, s_var, s_cov, s_int = _integrated(sigma_s, tau_s, dt)
-        F, c, Q = transition[k], shift[k], process[k]
-        for i in range(n):
-            F[i, i] = 1.0
-        F[3, 3] = math.exp(-dt / water[1])
-        F[4, 4] = math.exp(-dt / tau_s)
-        source = CRUISE if n > CRUISE and cruising[k] else SPEED  # the state that is V at this instant
-        F[2, source], F[2, 1], F[2, 3], F[2, 4] = z_v * dt, z_t * dt, -w_weight, z_s * s_weight
-        c[2] = dt * (rate - z_v * v - z_t * pitch[k]) - z_s * s_weight * slip[k]
-        Q[0, 0] = q_v * dt
-        Q[1, 1] = q_t * dt
-        Q[3, 3], Q[4, 4] = w_var, s_var
+            sigma_s = max(sigma_s, s.slip_manoeuvre)
+        if dt != dt_0:
+            phi_w, dt_0 = math.exp(-dt / s.tau_w), dt
+        phi_s = math.exp(-dt / tau_s)
+        w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
+        s_weight, s_var, s_cov, s_int = integrated(sigma_s, tau_s, dt, phi_s)
+        d, q, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
+        d[:] = 1.0
+        d[WATER], d[SLIP] = phi_w, phi_s
+        source = CRUISE if n > CRUISE and cruising else SPEED  # the state that is V at this instant
+        slowing *= dt / max(v, s.least_speed)
+        F[1, SPEED], F[1, RESPONSE] = 1.0 + turned + at.response[k] * slowing / max(v, s.least_speed), -slowing
+        b[1, 0] = -at.response[k] * slowing
+        q[RESPONSE] = (s.response_drift if quick else 0.0) * dt
+        F[0, source], F[0, PITCH], F[0, DEPTH] = z_v * dt, z_t * dt, 1.0
+        F[0, WATER], F[0, SLIP] = -w_weight, z_s * s_weight
+        b[0, 0] = dt * (rate - z_v * v - z_t * pitch) - z_s * s_weight * at.slip[k]
+        q[SPEED], q[PITCH], q[WATER], q[SLIP] = q_v * dt, q_t * dt, w_var, s_var
         if source == SPEED:
-            Q[2, 0] = Q[0, 2] = z_v * q_v * dt * dt / 2.0
-        Q[2, 1] = Q[1, 2] = z_t * q_t * dt * dt / 2.0
-        Q[2, 3] = Q[3, 2] = -w_cov
-        Q[2, 4] = Q[4, 2] = z_s * s_cov
-        Q[2, 2] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + positions[3] * dt
-        if surfaced[k] or quick:
-            Q[2, 2] += positions[2] * dt  # sinking nose up, rising nose down, waves: not the polar's flight
-        if n > 5:
-            sin_h, cos_h = math.sin(heading[k]), math.cos(heading[k])
+            x[SPEED] = z_v * q_v * dt * dt / 2.0
+        x[PITCH], x[WATER], x[SLIP] = z_t * q_t * dt * dt / 2.0, -w_cov, z_s * s_cov
+        q[DEPTH] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + s.swell * dt
+        if surfaced or quick:
+            q[DEPTH] += s.heave_drift * dt  # sinking nose up, rising nose down, waves: not the polar's flight
+        if n > EAST:
+            along = (math.sin(course.heading[k]), math.cos(course.heading[k]))
             x_v = cosine - v * sine * turn_v
             x_t, x_s = -v * sine * turn_t, v * sine
-            forward = v * cosine - x_v * v - x_t * pitch[k] - x_s * slip[k]
-            for row, along in ((5, sin_h), (6, cos_h)):
-                F[row, source], F[row, 1], F[row, 4] = along * x_v * dt, along * x_t * dt, along * x_s * dt
-                F[row, row + 2] = dt
-                c[row] = along * forward * dt
-                Q[row, row] = (positions[1] if surfaced[k] else positions[0]) * dt
+            forward = v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
+            for i in range(2):
+                F[2 + i, source], F[2 + i, PITCH] = along[i] * x_v * dt, along[i] * x_t * dt
+                F[2 + i, SLIP], F[2 + i, EAST + i], F[2 + i, CURRENT_EAST + i] = along[i] * x_s * dt, 1.0, dt
+                b[2 + i, 0] = along[i] * forward * dt
+                q[EAST + i] = (s.surface_drift if surfaced else s.position_drift) * dt
                 if pause > LONGEST:
-                    Q[row, row] += ANYWHERE**2
-                Q[row + 2, row + 2] = drifts[4] * dt
-        if n > CRUISE:
-            Q[CRUISE, CRUISE] = cruise[0] * dt + (cruise[1] ** 2 if new_setting[k] else 0.0)
-            if cruising[k]:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
-                Q[0, 0] = drifts[1] * dt
+                    q[EAST + i] += ANYWHERE**2
+                q[CURRENT_EAST + i] = s.current_drift * dt
+            q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
+            if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
+                q[SPEED] = s.speed_drift_manoeuvre * dt
+        if not powered:
+            for i in range(c):
+                change = change_of_glide(moved[i], v, pitch, alpha)
+                b[0, 2 + i] = v * cosine * change * dt
+                if n > EAST:
+                    b[2, 2 + i] = along[0] * v * sine * change * dt
+                    b[3, 2 + i] = along[1] * v * sine * change * dt
 
 
 def linearise(
@@ -186,10 +229,8 @@ def linearise(
     polar: Polar,
     settings: Settings,
     at: Trajectory,
-    *,
-    use_speed: bool,
-    use_fixes: bool,
-    pitch_shift: float = 0.0,
+    sources: Sources,
+    considered: Considered | None = None,
 ) -> Problem:
     """Return the state-space problem of the kinematic model, linear along the trajectory `at`.
 
@@ -203,73 +244,73 @@ def linearise(
         Noise levels.
     at
         Trajectory of V, θ, δ.
-    use_speed, use_fixes
+    sources
         Whether the speed sensor and the fixes are measurements.
-    pitch_shift
-        Added to every measured pitch, rad.
+    considered
+        What is not exactly known; nothing if left out.
 
     Returns
     -------
     Problem
-        With 5 states, or 10 if `use_fixes`.
+        With 6 states, or 11 with fixes.
     """
-    m = series.time.size
-    n = 10 if use_fixes else 5
-    transition, shift, process = np.zeros((m, n, n)), np.zeros((m, n)), np.zeros((m, n, n))
-    s = settings
+    m, s = series.time.size, settings
+    n, p = (11, 6) if sources.fixes else (6, 3)
+    moved = considered.polars if considered else np.empty((0, 2, 5))
+    c = 1 + len(moved) if considered else 0
+    coupled = np.array([DEPTH, SPEED, EAST, NORTH] if sources.fixes else [DEPTH, SPEED])
+    r = coupled.size
+    decay, rows, shift = np.zeros((m, n)), np.zeros((m, r, n)), np.zeros((m, r, 1 + c))
+    noise, cross = np.zeros((m, n)), np.zeros((m, n))
     _fill(
         polar,
-        series.time,
-        series.heading,
-        series.stratification,
-        series.powered,
-        series.manoeuvre,
-        series.gentle,
-        series.surfaced,
-        series.cruising,
-        series.new_setting,
-        at.speed,
-        at.pitch,
-        at.slip,
-        (
-            s.speed_drift,
-            s.speed_drift_manoeuvre,
-            s.pitch_drift,
-            s.pitch_drift_manoeuvre,
-            s.current_drift,
-            s.speed_drift_blind,
-            s.stratification,
-            s.speed_drift_gentle,
-            s.speed_drift_surface,
-        ),
-        (s.sigma_w, s.tau_w),
-        (s.slip, s.slip_manoeuvre, s.slip_time, s.slip_time_manoeuvre, s.slip_time_powered),
-        (s.position_drift, s.surface_drift, s.heave_drift, s.swell),
-        (s.cruise_drift, s.initial_speed),
-        transition,
+        moved,
+        Course(*(getattr(series, name) for name in Course._fields)),
+        at,
+        settings,
+        decay,
+        rows,
         shift,
-        process,
+        noise,
+        cross,
     )
-    kinds = len(MEASURED) if use_fixes else 3
-    observed, variance, design = np.full((m, kinds), np.nan), np.ones((m, kinds)), np.zeros((kinds, n))
-    for j, state in enumerate((DEPTH, PITCH, SPEED, EAST, NORTH, SPEED)[:kinds]):
-        design[j, state] = 1.0
+    seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
+    seen[:, 0], weight[:, 0] = list(MEASURED.values())[:p], 1.0
+    observed, variance = np.full((m, p), np.nan), np.ones((m, p))
     observed[:, 0], variance[:, 0] = series.depth, s.depth_noise**2
-    observed[:, 1], variance[:, 1] = series.pitch + pitch_shift, s.pitch_noise**2
-    if use_speed:
+    observed[:, 1], variance[:, 1] = series.pitch, s.pitch_noise**2
+    observed_by = np.zeros((p, c))
+    if considered:
+        observed_by[1, 0] = considered.pitch
+    if sources.speed:
         observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
-    if use_fixes:
+    if sources.fixes:
         observed[:, 3], observed[:, 4] = series.east, series.north
         variance[:, 3:5] = s.fix_noise**2
-        design[5, CRUISE] = -1.0
+        seen[5, 1], weight[5, 1] = CRUISE, -1.0
         bounds = np.diff(series.cruising, append=False) | np.diff(series.cruising, prepend=False)
         observed[bounds & series.cruising, 5], variance[:, 5] = 0.0, s.continuity**2
     first = np.flatnonzero(np.isfinite(series.depth))
     mean = np.zeros(n)
     mean[SPEED], mean[PITCH] = at.speed[0], at.pitch[0]
-    mean[DEPTH] = series.depth[first[0]] if first.size else 0.0
-    if use_fixes:
+    mean[DEPTH], mean[RESPONSE] = series.depth[first[0]] if first.size else 0.0, s.response
+    if sources.fixes:
         mean[CRUISE] = float(np.median(at.speed))
-    flight = [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre]
+    flight = [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre, s.response]
     spread = np.array([*flight, 1e3, 1e3, s.initial_current, s.initial_current, s.initial_speed])
-    return Problem(mean, np.diag(spread[:n] ** 2), transition, shift, process, design, observed, variance)
+    return Problem(
+        mean,
+        np.diag(spread[:n] ** 2),
+        decay,
+        coupled,
+        rows,
+        shift,
+        noise,
+        cross,
+        DEPTH,
+        seen,
+        weight,
+        observed,
+        observed_by,
+        variance,
+    )

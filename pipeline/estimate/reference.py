@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from pipeline.estimate.smoother import Problem, Solution
+from pipeline.estimate.smoother import Problem, Solution, design, process, transition
 
 
 def solve(problem: Problem) -> Solution:
@@ -27,10 +27,23 @@ def solve(problem: Problem) -> Solution:
     Solution
         Smoothed moments, innovations and the log-likelihood of the measurements.
     """
+    columns = [_solve(problem, q) for q in range(1 + problem.observed_by.shape[1])]
+    mean = np.stack([column.mean[:, :, 0] for column in columns], axis=-1)
+    mean[:, :, 1:] -= mean[:, :, :1]
+    return columns[0]._replace(mean=mean)
+
+
+def _solve(problem: Problem, column: int) -> Solution:
+    """Solve with one considered parameter (column > 0) moved by its 1-sigma."""
     from filterpy.kalman import KalmanFilter
 
-    m, p = problem.observed.shape
-    n = problem.mean_0.size
+    (m, p), n = problem.observed.shape, problem.mean_0.size
+    F, Q, H = transition(problem), process(problem), design(problem)
+    shift, observed = np.zeros((m, n)), problem.observed
+    shift[:, problem.coupled] = problem.shift[:, :, 0]
+    if column:
+        shift[:, problem.coupled] += problem.shift[:, :, column]
+        observed = observed + problem.observed_by[:, column - 1]
     engine = KalmanFilter(dim_x=n, dim_z=1)
     engine.x = problem.mean_0.copy()
     engine.P = problem.covariance_0.copy()
@@ -38,32 +51,19 @@ def solve(problem: Problem) -> Solution:
     innovation, variance = np.full((m, p), np.nan), np.full((m, p), np.nan)
     log_likelihood = 0.0
     for k in range(m):
-        for j in np.flatnonzero(np.isfinite(problem.observed[k])):
-            engine.update(problem.observed[k, j], R=np.array([[problem.variance[k, j]]]), H=problem.design[j : j + 1])
+        for j in np.flatnonzero(np.isfinite(observed[k])):
+            engine.update(observed[k, j], R=np.array([[problem.variance[k, j]]]), H=H[j : j + 1])
             innovation[k, j], variance[k, j] = float(engine.y.item()), float(engine.S.item())
             log_likelihood -= 0.5 * (math.log(2.0 * math.pi * variance[k, j]) + innovation[k, j] ** 2 / variance[k, j])
         means[k], covariances[k] = engine.x, engine.P
         if k < m - 1:
-            engine.predict(u=problem.shift[k], B=np.eye(n), F=problem.transition[k], Q=problem.process[k])
-    smoothed, smoothed_covariances = _smooth(engine, problem, means, covariances)
-    return Solution(smoothed, smoothed_covariances, innovation, variance, log_likelihood)
-
-
-def _smooth(
-    engine: object, problem: Problem, means: np.ndarray, covariances: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth with filterpy's RTS, which knows no shift: it is moved into the state's own frame first.
-
-    With x_k = s_k + o_k and o_{k+1} = F_k o_k + shift_k the deviations s_k obey a problem without shift.
-    filterpy's `rts_smoother` steps with Fs[k+1] and Qs[k+1], so both lists are moved by one.
-    """
-    m, n = means.shape
+            engine.predict(u=shift[k], B=np.eye(n), F=F[k], Q=Q[k])
+    # filterpy's RTS knows no shift: with x_k = s_k + o_k, o_{k+1} = F_k o_k + shift_k, the deviations s_k obey a
+    # problem without one. It steps with Fs[k+1] and Qs[k+1], so both lists are moved by one.
     origin = np.zeros((m, n))
     for k in range(m - 1):
-        origin[k + 1] = problem.transition[k] @ origin[k] + problem.shift[k]
-    transitions = [np.eye(n), *problem.transition[: m - 1]]
-    noises = [np.zeros((n, n)), *problem.process[: m - 1]]
-    smoothed, smoothed_covariances, _, _ = engine.rts_smoother(  # type: ignore[attr-defined]
-        means - origin, covariances, Fs=transitions, Qs=noises, inv=np.linalg.inv
+        origin[k + 1] = F[k] @ origin[k] + shift[k]
+    smoothed, smoothed_covariances, _, _ = engine.rts_smoother(
+        means - origin, covariances, Fs=[np.eye(n), *F[: m - 1]], Qs=[np.zeros((n, n)), *Q[: m - 1]], inv=np.linalg.inv
     )
-    return smoothed + origin, smoothed_covariances
+    return Solution((smoothed + origin)[:, :, None], smoothed_covariances, innovation, variance, log_likelihood)

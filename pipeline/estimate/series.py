@@ -27,7 +27,8 @@ EARTH_RADIUS = 6_371_000.0
 class Series:
     """Arrays of shape (m,), one value per record; NaN where an instrument did not report."""
 
-    time: np.ndarray  # s since the first record
+    start: float  # s since 1970-01-01 UTC of the first record
+    time: np.ndarray  # s since then
     depth: np.ndarray  # m, measured
     pitch: np.ndarray  # rad, measured
     speed: np.ndarray  # m/s, by a sensor
@@ -47,12 +48,18 @@ class Series:
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
 
     def __getitem__(self, part: slice) -> Series:
-        return Series(**{name: value[part] for name, value in vars(self).items()})
+        parts = {name: value[part] for name, value in vars(self).items() if name != "start"}
+        return Series(start=self.start, **parts)
+
+    @property
+    def heading_known(self) -> bool:
+        """Whether there is a heading, without which displacement says nothing of speed."""
+        return bool(np.isfinite(self.heading).any())
 
     @property
     def located(self) -> bool:
         """Whether two fixes and a heading allow for displacement over ground."""
-        return bool(np.isfinite(self.east).sum() >= 2 and np.isfinite(self.heading).any())
+        return bool(np.isfinite(self.east).sum() >= 2) and self.heading_known
 
 
 def powered(records: pd.DataFrame) -> np.ndarray:
@@ -66,7 +73,8 @@ def powered(records: pd.DataFrame) -> np.ndarray:
 def from_records(records: pd.DataFrame) -> Series:
     """Return the arrays the estimators work on, from the canonical records."""
     time = seconds(records["time"])
-    time = time - time[0]
+    start = float(time[0])
+    time = time - start
     depth = np.where(usable(records, "pressure"), records["depth"].to_numpy(), np.nan)
     pitch = np.where(usable(records, "pitch"), records["pitch"].to_numpy(), np.nan)
     speed = np.where(usable(records, "speed_through_water"), records["speed_through_water"].to_numpy(), np.nan)
@@ -79,9 +87,10 @@ def from_records(records: pd.DataFrame) -> Series:
     driven = powered(records)
     surfaced = phase == Phase.SURFACING
     manoeuvre = _manoeuvre(time, pitch_guess, phase, records, driven)
-    gentle = driven & ~_near(time, np.diff(driven, prepend=False), AFTER, AFTER)
+    gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
+        start=start,
         time=time,
         depth=depth,
         pitch=pitch,
@@ -97,7 +106,7 @@ def from_records(records: pd.DataFrame) -> Series:
         manoeuvre=manoeuvre,
         gentle=gentle,
         surfaced=surfaced,
-        unmeasured=~(_near(time, np.isfinite(depth), PAUSE, PAUSE) & _near(time, np.isfinite(pitch), PAUSE, PAUSE)),
+        unmeasured=~(near(time, np.isfinite(depth), PAUSE, PAUSE) & near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
     )
@@ -132,11 +141,11 @@ def _manoeuvre(
     turning |= np.diff(driven, prepend=driven[:1])
     turning |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
     turning |= np.diff(time, append=time[-1]) > PAUSE
-    powered_margin, margin = _near(time, turning, BEFORE, AFTER_POWERED), _near(time, turning, BEFORE, AFTER)
+    powered_margin, margin = near(time, turning, BEFORE, AFTER_POWERED), near(time, turning, BEFORE, AFTER)
     return np.asarray(np.where(driven, powered_margin, margin))
 
 
-def _near(time: np.ndarray, event: np.ndarray, before: float, after: float) -> np.ndarray:
+def near(time: np.ndarray, event: np.ndarray, before: float, after: float) -> np.ndarray:
     """Return where an event is at most `before` seconds ahead or `after` seconds past, shape (m,)."""
     events = np.flatnonzero(event)
     if not events.size:

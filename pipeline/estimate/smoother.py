@@ -1,14 +1,21 @@
-"""Kalman filter and Rauch–Tung–Striebel smoother for a linear, time-varying problem with missing data, compiled.
+"""Kalman filter and smoother for a linear, time-varying problem with missing data, compiled.
 
 State x_k (n values), k = 0 … m−1::
 
     x_0     ~ N(mean_0, covariance_0)
-    x_{k+1} = transition_k x_k + shift_k + noise,   noise ~ N(0, process_k)
-    y_kj    = design_j · x_k + error,               error ~ N(0, variance_kj),   j = 0 … p−1
+    x_{k+1} = F_k x_k + shift_k + noise,   noise ~ N(0, Q_k)
+    y_kj    = h_j · x_k + error,           error ~ N(0, variance_kj),   j = 0 … p−1
 
-Every y_kj may be NaN: no measurement. Updates are sequential scalars in Joseph form, so that no matrix is
-inverted in the filter; the smoother solves with the Cholesky factor of the predicted covariance.
-Rauch, Tung & Striebel (1965), doi:10.2514/3.3166; Bierman (1977), *Factorization Methods*, ch. II.
+What couples a vehicle's states is sparse, and only that is stored. F_k is diagonal (`decay`) but for the `coupled`
+rows; Q_k is diagonal (`noise`) but for the covariance of one state, `driven`, with the others (`cross`); h_j has at
+most two entries. Every y_kj may be NaN: no measurement, taken at its own instant.
+
+Updates are sequential scalars in Joseph form; the smoother is the modified Bryson–Frazier form of the
+Rauch–Tung–Striebel smoother, which inverts nothing (Bierman 1977, *Factorization Methods*, ch. X;
+Rauch, Tung & Striebel 1965, doi:10.2514/3.3166).
+
+Considered parameters are unknown constants that the data are not allowed to change (Schmidt 1966): the estimate is
+carried together with its derivative with respect to each of them, which costs one more mean and no covariance.
 """
 
 from __future__ import annotations
@@ -19,178 +26,459 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+#: What an operation may lose of a variance to rounding is added to it, so that covariances stay positive.
+ROUNDING = 4.0 * 2.0**-52
+#: The quick smoother subtracts; where it leaves less than this share of a variance, the slow one, which only adds,
+#: takes its place.
+LEAST = 1e-8
+
 
 class Problem(NamedTuple):
-    """A linear, time-varying state-space problem; shapes with m instants, n states, p kinds of measurement."""
+    """A linear, time-varying problem; m instants, n states, p kinds of measurement, r coupled rows, c parameters.
+
+    Considered parameters have unit variance: `shift` and `observed_by` hold changes per 1-sigma.
+    """
 
     mean_0: np.ndarray  # (n,)
     covariance_0: np.ndarray  # (n, n)
-    transition: np.ndarray  # (m, n, n), the last one unused
-    shift: np.ndarray  # (m, n), the last one unused
-    process: np.ndarray  # (m, n, n), the last one unused
-    design: np.ndarray  # (p, n)
+    decay: np.ndarray  # (m, n): diagonal of F; ignored where a row is coupled
+    coupled: np.ndarray  # (r,): states whose row of F is given
+    rows: np.ndarray  # (m, r, n): those rows
+    shift: np.ndarray  # (m, r, 1 + c): what is added to them; then its change with each considered parameter
+    noise: np.ndarray  # (m, n): diagonal of Q
+    cross: np.ndarray  # (m, n): covariance of the noise of the state `driven` with that of the others
+    driven: int
+    seen: np.ndarray  # (p, 2): the states measured; the second may be any where its weight is zero
+    weight: np.ndarray  # (p, 2): h_j
     observed: np.ndarray  # (m, p), NaN = none
+    observed_by: np.ndarray  # (p, c): change of the measurement with each considered parameter
     variance: np.ndarray  # (m, p)
 
 
 class Solution(NamedTuple):
     """What filter and smoother return."""
 
-    mean: np.ndarray  # (m, n) smoothed
-    covariance: np.ndarray  # (m, n, n) smoothed
+    mean: np.ndarray  # (m, n, 1 + c): smoothed; then its change with each considered parameter
+    covariance: np.ndarray  # (m, n, n): smoothed, considered parameters held
     innovation: np.ndarray  # (m, p), NaN where nothing was observed
     innovation_variance: np.ndarray  # (m, p)
     log_likelihood: float
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _update(
-    x: np.ndarray, P: np.ndarray, h: np.ndarray, y: float, r: float, gain: np.ndarray, row: np.ndarray
-) -> tuple[float, float]:
-    """Update `x` and `P` in place with the scalar measurement y = h·x + N(0, r); return innovation and variance."""
-    n = x.size
-    innovation = y
-    variance = r
+    size: tuple[int, ...],
+    x: np.ndarray,
+    P: np.ndarray,
+    a: int,
+    b: int,
+    weight_a: float,
+    weight_b: float,
+    variance: float,
+    innovation: np.ndarray,
+    gain: np.ndarray,
+    row: np.ndarray,
+) -> float:
+    """Update `x` and `P` in place; `innovation` (1 + c,) comes in as the measurement, goes out as innovation."""
+    n = len(size)
     for i in range(n):
-        innovation -= h[i] * x[i]
-        row[i] = 0.0
-        for j in range(n):
-            if h[j] != 0.0:
-                row[i] += P[i, j] * h[j]
+        row[i] = weight_a * P[i, a] + weight_b * P[i, b]
+    total: float = variance + weight_a * row[a] + weight_b * row[b]
+    lost = ROUNDING
+    if weight_b != 0.0:
+        lost *= 1.0 + math.sqrt((weight_a * weight_a * P[a, a] + weight_b * weight_b * P[b, b]) / total)
     for i in range(n):
-        variance += h[i] * row[i]
+        gain[i] = row[i] / total
+    for q in range(innovation.size):
+        innovation[q] -= weight_a * x[a, q] + weight_b * x[b, q]
+        for i in range(n):
+            x[i, q] += gain[i] * innovation[q]
     for i in range(n):
-        gain[i] = row[i] / variance
-        x[i] += gain[i] * innovation
-    for i in range(n):
+        before = P[i, i]
         for j in range(i + 1):
-            # Joseph form (I − K h) P (I − K h)ᵀ + K r Kᵀ for a scalar, written symmetrically
-            value = P[i, j] - gain[i] * row[j] - row[i] * gain[j] + gain[i] * variance * gain[j]
+            value = P[i, j] - gain[i] * row[j]
             P[i, j] = value
             P[j, i] = value
-    return innovation, variance
+        P[i, i] += lost * before
+    return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _predict(
-    F: np.ndarray, c: np.ndarray, Q: np.ndarray, x: np.ndarray, P: np.ndarray, work: np.ndarray, out: np.ndarray
+    size: tuple[int, ...], problem: Problem, k: int, x: np.ndarray, P: np.ndarray, moved: np.ndarray, FP: np.ndarray
 ) -> None:
-    """Write F x + c into the last row of `out` and F P Fᵀ + Q into the others; zeros of F are skipped."""
-    n = x.size
-    for i in range(n):
-        value = c[i]
+    """Replace `x` by F x + shift and `P` by F P Fᵀ + Q; `FP` (n, n) goes out as F P, `moved` is (r,)."""
+    n = len(size)
+    decay, rows, noise, cross = problem.decay[k], problem.rows[k], problem.noise[k], problem.cross[k]
+    coupled, shift = problem.coupled, problem.shift[k]
+    for r in range(coupled.size):
+        value = 0.0
         for j in range(n):
-            work[i, j] = 0.0
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                value += f * x[k]
-                for j in range(n):
-                    work[i, j] += f * P[k, j]
-        out[n, i] = value
+            value += rows[r, j] * rows[r, j] * P[j, j]
+        moved[r] = ROUNDING * n * value
+    for i in range(n):
+        for j in range(n):
+            FP[i, j] = decay[i] * P[i, j]
+    for r in range(coupled.size):
+        for j in range(n):
+            value = 0.0
+            for i in range(n):
+                value += rows[r, i] * P[i, j]
+            FP[coupled[r], j] = value
     for i in range(n):
         for j in range(i + 1):
-            value = Q[i, j]
-            for k in range(n):
-                if F[j, k] != 0.0:
-                    value += work[i, k] * F[j, k]
-            out[i, j] = value
-            out[j, i] = value
+            value = FP[i, j] * decay[j]
+            P[i, j] = value
+            P[j, i] = value
+    for r in range(coupled.size):
+        for i in range(n):
+            value = 0.0
+            for j in range(n):
+                value += FP[i, j] * rows[r, j]
+            P[i, coupled[r]] = value
+    for r in range(coupled.size):
+        for i in range(n):
+            P[coupled[r], i] = P[i, coupled[r]]
+    for r in range(coupled.size):
+        P[coupled[r], coupled[r]] += moved[r]
+    d = problem.driven
+    for i in range(n):
+        P[i, i] += noise[i]
+        if i != d:
+            P[d, i] += cross[i]
+            P[i, d] += cross[i]
+    for q in range(x.shape[1]):
+        for r in range(coupled.size):
+            value = shift[r, q]
+            for i in range(n):
+                value += rows[r, i] * x[i, q]
+            moved[r] = value
+        for i in range(n):
+            x[i, q] *= decay[i]
+        for r in range(coupled.size):
+            x[coupled[r], q] = moved[r]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _filter(
-    problem: Problem, means: np.ndarray, covariances: np.ndarray, predicted: np.ndarray, keep: bool
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Run the filter; store filtered moments and predictions (covariance over mean) if `keep`."""
+    size: tuple[int, ...],
+    problem: Problem,
+    keep: bool,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    gains: np.ndarray,
+    innovations: np.ndarray,
+    variances: np.ndarray,
+) -> float:
+    """Run the filter and return the log-likelihood; store filtered moments and innovations if `keep`."""
+    n = len(size)
     m, p = problem.observed.shape
-    n = problem.mean_0.size
-    x = problem.mean_0.copy()
+    c = problem.observed_by.shape[1]
+    x = np.zeros((n, 1 + c))
+    x[:, 0] = problem.mean_0
     P = problem.covariance_0.copy()
-    work = np.empty((n, n))
-    out = np.empty((n + 1, n))
-    gain = np.empty(n)
-    row = np.empty(n)
-    innovations = np.full((m, p), np.nan)
-    variances = np.full((m, p), np.nan)
+    FP, moved = np.empty((n, n)), np.empty(problem.coupled.size)
+    gain, row, innovation = np.empty(n), np.empty(n), np.empty(1 + c)
     log_likelihood = 0.0
     for k in range(m):
         for j in range(p):
             y = problem.observed[k, j]
             if not math.isnan(y):
-                innovation, s = _update(x, P, problem.design[j], y, problem.variance[k, j], gain, row)
-                innovations[k, j] = innovation
-                variances[k, j] = s
-                log_likelihood -= 0.5 * (math.log(2.0 * math.pi * s) + innovation * innovation / s)
+                innovation[0] = y
+                for q in range(c):
+                    innovation[1 + q] = problem.observed_by[j, q]
+                total = _update(
+                    size,
+                    x,
+                    P,
+                    problem.seen[j, 0],
+                    problem.seen[j, 1],
+                    problem.weight[j, 0],
+                    problem.weight[j, 1],
+                    problem.variance[k, j],
+                    innovation,
+                    gain,
+                    row,
+                )
+                log_likelihood -= 0.5 * (math.log(2.0 * math.pi * total) + innovation[0] * innovation[0] / total)
+                if keep:
+                    variances[k, j] = total
+                    for i in range(n):
+                        gains[k, j, i] = gain[i]
+                    for q in range(1 + c):
+                        innovations[k, j, q] = innovation[q]
+            elif keep:
+                innovations[k, j, 0] = np.nan
+                variances[k, j] = np.nan
         if keep:
-            means[k] = x
-            covariances[k] = P
+            for i in range(n):
+                for q in range(1 + c):
+                    means[k, i, q] = x[i, q]
+                for j in range(n):
+                    covariances[k, i, j] = P[i, j]
         if k < m - 1:
-            _predict(problem.transition[k], problem.shift[k], problem.process[k], x, P, work, out)
-            x[:] = out[n]
-            P[:, :] = out[:n]
-            if keep:
-                predicted[k] = out
-    return innovations, variances, log_likelihood
+            _predict(size, problem, k, x, P, moved, FP)
+    return log_likelihood
 
 
-@njit(cache=True)
-def _cholesky_solve(A: np.ndarray, B: np.ndarray, L: np.ndarray) -> None:
-    """Replace the rows of `B` by their solutions of A x = row, A symmetric positive definite; `L` is work space."""
-    n = A.shape[0]
-    for i in range(n):
-        for j in range(i + 1):
-            value = A[i, j]
-            for k in range(j):
-                value -= L[i, k] * L[j, k]
-            L[i, j] = math.sqrt(max(value, 1e-300)) if i == j else value / L[j, j]
-    for r in range(B.shape[0]):
-        for i in range(n):
-            value = B[r, i]
-            for k in range(i):
-                value -= L[i, k] * B[r, k]
-            B[r, i] = value / L[i, i]
-        for i in range(n - 1, -1, -1):
-            value = B[r, i]
-            for k in range(i + 1, n):
-                value -= L[k, i] * B[r, k]
-            B[r, i] = value / L[i, i]
+@njit(cache=True, nogil=True)
+def _smooth(
+    size: tuple[int, ...],
+    problem: Problem,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    gains: np.ndarray,
+    innovations: np.ndarray,
+    variances: np.ndarray,
+) -> bool:
+    """Turn filtered into smoothed moments, in place, from the last instant back; False where digits run out.
 
-
-@njit(cache=True)
-def _smooth(transition: np.ndarray, means: np.ndarray, covariances: np.ndarray, predicted: np.ndarray) -> None:
-    """Turn filtered into smoothed moments, in place, from the last instant back."""
-    m, n = means.shape
-    gain = np.empty((n, n))
-    L = np.zeros((n, n))
-    change = np.empty((n, n))
-    for k in range(m - 2, -1, -1):
-        F = transition[k]
+    The adjoints `a` (n, 1 + c) and `A` (n, n) hold what later measurements say: x − P a and P − P A P.
+    """
+    n = len(size)
+    m, p = problem.observed.shape
+    c = problem.observed_by.shape[1]
+    coupled = problem.coupled
+    a, A = np.zeros((n, 1 + c)), np.zeros((n, n))
+    column, pivots, work, out, old = (
+        np.empty(n),
+        np.empty(n),
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty((coupled.size, 1 + c)),
+    )
+    for k in range(m - 1, -1, -1):
+        if k < m - 1:  # a ← Fᵀ a, A ← Fᵀ A F
+            decay, rows = problem.decay[k], problem.rows[k]
+            for r in range(coupled.size):
+                for q in range(1 + c):
+                    old[r, q] = a[coupled[r], q]
+                    a[coupled[r], q] = 0.0
+            for i in range(n):
+                for q in range(1 + c):
+                    a[i, q] *= decay[i]
+                    for r in range(coupled.size):
+                        a[i, q] += rows[r, i] * old[r, q]
+            for i in range(n):
+                for j in range(n):
+                    work[i, j] = A[i, j] * decay[j]
+                for r in range(coupled.size):
+                    work[i, coupled[r]] = 0.0
+                for r in range(coupled.size):
+                    for j in range(n):
+                        work[i, j] += A[i, coupled[r]] * rows[r, j]
+            for j in range(n):
+                for i in range(n):
+                    A[i, j] = work[i, j] * decay[i]
+                for r in range(coupled.size):
+                    A[coupled[r], j] = 0.0
+                for r in range(coupled.size):
+                    for i in range(n):
+                        A[i, j] += rows[r, i] * work[coupled[r], j]
+            for i in range(n):
+                for j in range(i):  # what is not symmetric would grow
+                    A[j, i] = A[i, j]
         P = covariances[k]
         for i in range(n):
             for j in range(n):
                 value = 0.0
                 for q in range(n):
-                    if F[j, q] != 0.0:
-                        value += P[i, q] * F[j, q]
-                gain[i, j] = value
-        _cholesky_solve(predicted[k, :n], gain, L)
-        for i in range(n):
-            for j in range(n):
-                value = 0.0
-                for q in range(n):
-                    value += gain[i, q] * (covariances[k + 1, q, j] - predicted[k, q, j])
-                change[i, j] = value
-        for i in range(n):
-            for j in range(n):
-                means[k, i] += gain[i, j] * (means[k + 1, j] - predicted[k, n, j])
+                    value += P[i, q] * A[q, j]
+                work[i, j] = value
         for i in range(n):
             for j in range(i + 1):
                 value = P[i, j]
                 for q in range(n):
-                    value += change[i, q] * gain[j, q]
-                P[i, j] = value
-                P[j, i] = value
+                    value -= work[i, q] * P[q, j]
+                out[i, j] = value
+        for j in range(n):  # P − P A P = L D Lᵀ
+            pivot = out[j, j]
+            for q in range(j):
+                pivot -= work[j, q] * work[j, q] * pivots[q]
+            if not pivot > LEAST * P[j, j]:
+                return False
+            pivots[j] = pivot
+            for i in range(j + 1, n):
+                value = out[i, j]
+                for q in range(j):
+                    value -= work[i, q] * work[j, q] * pivots[q]
+                work[i, j] = value / pivot
+        for i in range(n):
+            for q in range(1 + c):
+                value = 0.0
+                for j in range(n):
+                    value += P[i, j] * a[j, q]
+                means[k, i, q] -= value
+        for i in range(n):
+            for j in range(i + 1):
+                P[i, j] = out[i, j]
+                P[j, i] = out[i, j]
+        for j in range(p - 1, -1, -1):
+            total = variances[k, j]
+            if math.isnan(total):
+                continue
+            # a ← Cᵀ a − h ν/S, A ← Cᵀ A C + h hᵀ/S with C = I − K hᵀ
+            gain = gains[k, j]
+            square = 1.0 / total
+            for i in range(n):
+                value = 0.0
+                for q in range(n):
+                    value += A[i, q] * gain[q]
+                column[i] = value
+            for i in range(n):
+                square += gain[i] * column[i]
+            for s in range(2):
+                state, h = problem.seen[j, s], problem.weight[j, s]
+                if h == 0.0:
+                    continue
+                for i in range(n):
+                    A[i, state] -= h * column[i]
+                    A[state, i] -= h * column[i]
+                for other in range(2):
+                    A[state, problem.seen[j, other]] += h * problem.weight[j, other] * square
+            for q in range(1 + c):
+                value = innovations[k, j, q] / total
+                for i in range(n):
+                    value += gain[i] * a[i, q]
+                for s in range(2):
+                    a[problem.seen[j, s], q] -= problem.weight[j, s] * value
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _ahead(
+    size: tuple[int, ...],
+    problem: Problem,
+    steps: np.ndarray,
+    stride: int,
+    last: np.ndarray,
+    error: np.ndarray,
+    variance: np.ndarray,
+) -> None:
+    """Fill `error` and `variance` (starts, s, p); see `predictions`."""
+    n = len(size)
+    m, p = problem.observed.shape
+    x, P, row, gain = np.zeros((n, 1)), problem.covariance_0.copy(), np.empty(n), np.empty(n)
+    x[:, 0] = problem.mean_0
+    y, Y, FP, moved = x.copy(), P.copy(), np.empty((n, n)), np.empty(problem.coupled.size)
+    innovation = np.empty(1)
+    for k in range(m):
+        for j in range(p):
+            innovation[0] = problem.observed[k, j]
+            if not math.isnan(innovation[0]):
+                a, b, h, g = problem.seen[j, 0], problem.seen[j, 1], problem.weight[j, 0], problem.weight[j, 1]
+                _update(size, x, P, a, b, h, g, problem.variance[k, j], innovation, gain, row)
+        for s in range(steps.size):
+            ahead = k + steps[s]
+            if k % (stride * ((steps[s] + stride - 1) // stride)) != 0 or ahead > last[k]:
+                continue
+            y[:], Y[:] = x, P
+            for on in range(k, ahead):
+                _predict(size, problem, on, y, Y, moved, FP)
+            for j in range(p):
+                a, b, h, g = problem.seen[j, 0], problem.seen[j, 1], problem.weight[j, 0], problem.weight[j, 1]
+                spread = h * h * Y[a, a] + 2.0 * h * g * Y[a, b] + g * g * Y[b, b]
+                error[k // stride, s, j] = problem.observed[ahead, j] - h * y[a, 0] - g * y[b, 0]
+                variance[k // stride, s, j] = spread + problem.variance[ahead, j]
+        if k < m - 1:
+            _predict(size, problem, k, x, P, moved, FP)
+
+
+@njit(cache=True, nogil=True)
+def _solve_in_place(size: tuple[int, ...], P: np.ndarray, right: np.ndarray) -> None:
+    """Replace `right` (n, n) by P⁻¹ right, P = L D Lᵀ; `P` is lost; what has no variance of its own counts as known."""
+    n = len(size)
+    for j in range(n):
+        least = ROUNDING * P[j, j]
+        for q in range(j):
+            P[j, j] -= P[j, q] * P[j, q] * P[q, q] if P[q, q] < math.inf else 0.0
+        if not P[j, j] > least:
+            P[j, j] = math.inf
+        for i in range(j + 1, n):
+            for q in range(j):
+                P[i, j] -= P[i, q] * P[j, q] * P[q, q] if P[q, q] < math.inf else 0.0
+            P[i, j] /= P[j, j]
+            for q in range(n):
+                right[i, q] -= P[i, j] * right[j, q]
+    for j in range(n):
+        for q in range(n):
+            right[j, q] /= P[j, j]
+    for j in range(n - 1, -1, -1):
+        for i in range(j):
+            for q in range(n):
+                right[i, q] -= P[j, i] * right[j, q]
+
+
+@njit(cache=True, nogil=True)
+def _congruence(size: tuple[int, ...], P: np.ndarray, B: np.ndarray, work: np.ndarray, out: np.ndarray) -> None:
+    """Add Bᵀ P B to `out`."""
+    n = len(size)
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = 0.0
+        for q in range(n):
+            for j in range(n):
+                work[i, j] += P[i, q] * B[q, j]
+    for q in range(n):
+        for i in range(n):
+            for j in range(n):
+                out[i, j] += B[q, i] * work[q, j]
+
+
+@njit(cache=True, nogil=True)
+def _by_squares(size: tuple[int, ...], problem: Problem, means: np.ndarray, covariances: np.ndarray) -> None:
+    """Turn filtered into smoothed moments, in place, from the last instant but one back.
+
+    With C = P Fᵀ (F P Fᵀ + Q)⁻¹: x + C (x⁺ − F x − shift) and (I − C F) P (I − C F)ᵀ + C (P⁺ + Q) Cᵀ, sums of
+    squares alone.
+    """
+    n = len(size)
+    coupled, d = problem.coupled, problem.driven
+    columns = means.shape[2]
+    x, moved, P, C = np.empty((n, columns)), np.empty(coupled.size), np.empty((n, n)), np.empty((n, n))
+    G, work, out = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    for k in range(problem.observed.shape[0] - 2, -1, -1):
+        here, after = covariances[k], covariances[k + 1]
+        for i in range(n):
+            for q in range(columns):
+                x[i, q] = means[k, i, q]
+            for j in range(n):
+                P[i, j] = here[i, j]
+        _predict(size, problem, k, x, P, moved, C)
+        _solve_in_place(size, P, C)  # now Cᵀ
+        decay, rows, noise, cross = problem.decay[k], problem.rows[k], problem.noise[k], problem.cross[k]
+        for i in range(n):
+            for q in range(n):
+                G[i, q] = -decay[i] * C[i, q]
+        for r in range(coupled.size):
+            for q in range(n):
+                G[coupled[r], q] = 0.0
+        for r in range(coupled.size):
+            for i in range(n):
+                for q in range(n):
+                    G[i, q] -= rows[r, i] * C[coupled[r], q]
+        for i in range(n):
+            G[i, i] += 1.0
+        for q in range(columns):
+            for i in range(n):
+                gap = means[k + 1, i, q] - x[i, q]
+                for j in range(n):
+                    means[k, j, q] += C[i, j] * gap
+        for i in range(n):
+            for j in range(n):
+                out[i, j] = 0.0
+                P[i, j] = after[i, j]
+        for i in range(n):
+            P[i, i] += noise[i]
+            if i != d:
+                P[d, i] += cross[i]
+                P[i, d] += cross[i]
+        _congruence(size, here, G, work, out)
+        _congruence(size, P, C, work, out)
+        for i in range(n):
+            for j in range(i + 1):
+                here[i, j] = 0.5 * (out[i, j] + out[j, i])
+                here[j, i] = here[i, j]
 
 
 def solve(problem: Problem) -> Solution:
@@ -199,24 +487,94 @@ def solve(problem: Problem) -> Solution:
     Parameters
     ----------
     problem
-        The state-space problem; m instants, n states, p kinds of measurement.
+        The state-space problem; m instants, n states, p kinds of measurement, c considered parameters.
 
     Returns
     -------
     Solution
         Smoothed moments, innovations and the log-likelihood of the measurements.
     """
-    m, n = problem.observed.shape[0], problem.mean_0.size
-    means, covariances = np.empty((m, n)), np.empty((m, n, n))
-    predicted = np.empty((max(m - 1, 0), n + 1, n))
-    innovation, variance, log_likelihood = _filter(problem, means, covariances, predicted, True)
-    _smooth(problem.transition, means, covariances, predicted)
-    return Solution(means, covariances, innovation, variance, log_likelihood)
+    (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
+    size = (0,) * n
+    means, covariances = np.empty((m, n, 1 + c)), np.empty((m, n, n))
+    gains, innovations, variances = np.empty((m, p, n)), np.empty((m, p, 1 + c)), np.empty((m, p))
+    log_likelihood = _filter(size, problem, True, means, covariances, gains, innovations, variances)
+    if not _smooth(size, problem, means, covariances, gains, innovations, variances):
+        _filter(size, problem, True, means, covariances, gains, innovations, variances)
+        _by_squares(size, problem, means, covariances)
+    return Solution(means, covariances, innovations[:, :, 0], variances, log_likelihood)
+
+
+def innovations(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Return the filter's innovations with their changes, shape (m, p, 1 + c), and variances (m, p); NaN = none."""
+    (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
+    found, variances = np.full((m, p, 1 + c), np.nan), np.empty((m, p))
+    _filter(
+        (0,) * n, problem, True, np.empty((m, n, 1 + c)), np.empty((m, n, n)), np.empty((m, p, n)), found, variances
+    )
+    return found, variances
+
+
+def predictions(
+    problem: Problem, steps: tuple[int, ...], stride: int, last: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far measurements are from what the filter predicted some rows before, and the variance of that.
+
+    Parameters
+    ----------
+    problem
+        The state-space problem; m instants, n states, p kinds of measurement.
+    steps
+        How many rows ahead; s of them.
+    stride
+        Predictions start from every `stride`-th row, or so many of them apart that none overlap, with all
+        measurements up to and at it, and none after.
+    last
+        The last row that may be predicted from each row, shape (m,).
+
+    Returns
+    -------
+    error, variance
+        Shape (ceil(m / stride), s, p), considered parameters held; NaN where nothing was measured or foretold.
+    """
+    m, p = problem.observed.shape
+    shape = (-(-m // stride), len(steps), p)
+    error, variance = np.full(shape, np.nan), np.full(shape, np.nan)
+    alone = problem._replace(shift=np.ascontiguousarray(problem.shift[:, :, :1]))
+    _ahead((0,) * problem.mean_0.size, alone, np.array(steps), stride, last, error, variance)
+    return error, variance
 
 
 def log_likelihood(problem: Problem) -> float:
     """Return the log-likelihood of the measurements of `problem`, by the filter alone."""
-    nothing = np.empty((0, 0))
-    n = problem.mean_0.size
-    value: float = _filter(problem, nothing, np.empty((0, n, n)), np.empty((0, n + 1, n)), False)[2]
+    n, three = problem.mean_0.size, np.empty((0, 0, 0))
+    value: float = _filter((0,) * n, problem, False, three, three, three, three, np.empty((0, 0)))
     return value
+
+
+def transition(problem: Problem) -> np.ndarray:
+    """Return F_k as full matrices, shape (m, n, n)."""
+    m, n = problem.decay.shape
+    full = np.zeros((m, n, n))
+    full[:, np.arange(n), np.arange(n)] = problem.decay
+    full[:, problem.coupled, :] = problem.rows
+    return full
+
+
+def process(problem: Problem) -> np.ndarray:
+    """Return Q_k as full matrices, shape (m, n, n)."""
+    m, n = problem.decay.shape
+    full = np.zeros((m, n, n))
+    others = np.arange(n) != problem.driven
+    full[:, problem.driven, others] = full[:, others, problem.driven] = problem.cross[:, others]
+    full[:, np.arange(n), np.arange(n)] = problem.noise
+    return full
+
+
+def design(problem: Problem) -> np.ndarray:
+    """Return the rows h_j, shape (p, n)."""
+    p, n = problem.seen.shape[0], problem.mean_0.size
+    full = np.zeros((p, n))
+    for s in range(2):
+        np.add.at(full, (np.arange(p), problem.seen[:, s]), problem.weight[:, s])
+    return full

@@ -1,4 +1,4 @@
-"""The trajectory that the kinematic model is linearised along, found by linearising and solving in turn."""
+"""The trajectory that the kinematic model is linearised along, and the flight that its smoothed states describe."""
 
 from __future__ import annotations
 
@@ -6,36 +6,57 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from pipeline.estimate.linearise import CRUISE, PITCH, SLIP, SPEED, WATER, Settings, Trajectory, linearise
+from pipeline.estimate.linearise import (
+    CRUISE,
+    DEPTH,
+    PITCH,
+    RESPONSE,
+    SLIP,
+    SPEED,
+    WATER,
+    Considered,
+    Sources,
+    Trajectory,
+    change_of_glide,
+    linearise,
+)
 from pipeline.estimate.series import Series
+from pipeline.estimate.settings import Settings
 from pipeline.estimate.smoother import Problem, Solution
-from pipeline.model.closure import glide_angles
+from pipeline.model.closure import glide_angle, glide_angles
 from pipeline.vehicle import Polar
 
+Solve = Callable[[Problem], Solution]
+#: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
+SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
 
-class Options(NamedTuple):
-    """What does not change between iterations: which measurements are used, and the engine."""
 
-    use_speed: bool
-    use_fixes: bool
-    solve: Callable[[Problem], Solution]
+class Flight(NamedTuple):
+    """What an estimate says of the flight: V, θ, α, γ, w_w, z, in this order along the first axis."""
+
+    state: np.ndarray  # (6, m)
+    std: np.ndarray  # (6, m): all that is not known, the considered parameters included
+    by: np.ndarray  # (c, m): change of V per 1-sigma of each considered parameter
+    steady: np.ndarray  # (m,): steep enough for a glide
 
 
 def first_guess(series: Series, polar: Polar) -> Trajectory:
     """Return a trajectory to linearise along: V from the smoothed depth rate, where the path is steep enough."""
     m = series.time.size
     speed = np.full(m, 0.4)
+    share = np.where(series.powered, 0.0, 1.0)
     for _ in range(3 if polar.drag_exponent else 1):
         alpha, _, _, steady = glide_angles(polar, speed, series.pitch_guess)
-        sine = np.sin(series.pitch_guess - share_of_glide(series) * alpha)
+        sine = np.sin(series.pitch_guess - share * alpha)
         good = steady & (np.abs(sine) > 0.15) & ~series.manoeuvre
         ratio = np.where(good, -series.depth_rate_guess / np.where(good, sine, 1.0), np.nan)
         good &= (ratio > 0.03) & (ratio < 3.0)
         if not good.any():
             break
         speed = np.interp(series.time, series.time[good], ratio[good])
-    return Trajectory(speed, series.pitch_guess, np.zeros(m))
+    return Trajectory(speed, np.clip(series.pitch_guess, -STEEPEST, STEEPEST), np.zeros(m), np.zeros(m))
 
 
 def iterate(
@@ -43,48 +64,89 @@ def iterate(
     polar: Polar,
     settings: Settings,
     at: Trajectory,
-    options: Options,
+    sources: Sources,
+    solve: Solve,
     times: int,
-    pitch_shift: float = 0.0,
+    considered: Considered | None = None,
 ) -> tuple[Trajectory, Solution]:
     """Linearise and solve until the trajectory stands still, at most `times` times."""
     for _ in range(times):
-        problem = linearise(
-            series,
-            polar,
-            settings,
-            at,
-            use_speed=options.use_speed,
-            use_fixes=options.use_fixes,
-            pitch_shift=pitch_shift,
-        )
-        solution = options.solve(problem)
-        speed = np.clip(speed_of(series, solution)[0], 0.02, 4.0)
-        pitch = np.clip(solution.mean[:, PITCH], -1.5, 1.5)
-        slip = np.clip(solution.mean[:, SLIP], -0.3, 0.3)
+        solution = solve(linearise(series, polar, settings, at, sources, considered))
+        mean = solution.mean[:, :, 0]
+        speed = mean[:, SPEED]
+        if sources.fixes:
+            speed = np.where(series.cruising, mean[:, CRUISE], speed)
+        speed = np.clip(speed, SLOWEST, FASTEST)
         change = float(np.max(np.abs(speed - at.speed)))
-        at = Trajectory(speed, pitch, slip)
+        pitch, slip = np.clip(mean[:, PITCH], -STEEPEST, STEEPEST), np.clip(mean[:, SLIP], -SLIPPED, SLIPPED)
+        at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0))
         if change < 1e-7:
             break
     return at, solution
 
 
-def speed_of(series: Series, solution: Solution) -> tuple[np.ndarray, np.ndarray]:
-    """Return V and the state that it is at each instant (SPEED or CRUISE), shape (m,) each."""
-    n = solution.mean.shape[1]
-    state = np.where(series.cruising & (n > CRUISE), min(CRUISE, n - 1), SPEED)
-    return np.take_along_axis(solution.mean, state[:, None], axis=1)[:, 0], state
+def flight(series: Series, polar: Polar, solution: Solution, considered: Considered) -> Flight:
+    """Return the flight that smoothed states describe, with what the states and the borrowed leave open."""
+    m, n, columns = solution.mean.shape
+    state, std = np.empty((6, m)), np.empty((6, m))
+    by, steady = np.empty((columns - 1, m)), np.empty(m, dtype=np.bool_)
+    cruising = series.cruising & (n > CRUISE)
+    _describe(
+        polar,
+        considered.polars,
+        series.powered,
+        cruising,
+        solution.mean,
+        solution.covariance,
+        state,
+        std,
+        by,
+        steady,
+    )
+    return Flight(state, std, by, steady)
 
 
-def share_of_glide(series: Series) -> np.ndarray:
-    """Return the expected share of the glide's angle of attack: all of it, none under power; shape (m,)."""
-    return np.where(series.powered, 0.0, 1.0)
-
-
-def angles(series: Series, polar: Polar, solution: Solution) -> np.ndarray:
-    """Return V, θ, α, γ and w_w of smoothed states, shape (5, m)."""
-    speed, _ = speed_of(series, solution)
-    pitch = solution.mean[:, PITCH]
-    glide, _, _, _ = glide_angles(polar, np.clip(speed, 0.02, 4.0), pitch)
-    alpha = share_of_glide(series) * glide + solution.mean[:, SLIP]
-    return np.stack([speed, pitch, alpha, pitch - alpha, solution.mean[:, WATER]])
+@njit(cache=True, nogil=True)
+def _describe(
+    polar: Polar,
+    moved: np.ndarray,
+    powered: np.ndarray,
+    cruising: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    state: np.ndarray,
+    std: np.ndarray,
+    by: np.ndarray,
+    steady: np.ndarray,
+) -> None:
+    """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
+    m, _, columns = mean.shape
+    change = np.empty(6)
+    for k in range(m):
+        x, P = mean[k], covariance[k]
+        source = CRUISE if cruising[k] else SPEED
+        speed = min(max(x[source, 0], SLOWEST), FASTEST)
+        glide, by_pitch, by_speed, steady[k] = glide_angle(polar, speed, x[PITCH, 0])
+        share = 0.0 if powered[k] else 1.0
+        alpha = share * glide + x[SLIP, 0]
+        state[0, k], state[1, k], state[2, k] = x[source, 0], x[PITCH, 0], alpha
+        state[3, k], state[4, k], state[5, k] = x[PITCH, 0] - alpha, x[WATER, 0], x[DEPTH, 0]
+        a, b = share * by_speed, share * by_pitch  # α in V and θ; in δ it is 1
+        across = a * P[source, PITCH] + b * P[PITCH, PITCH] + P[SLIP, PITCH]
+        var_alpha = a * a * P[source, source] + b * b * P[PITCH, PITCH] + P[SLIP, SLIP]
+        var_alpha += 2.0 * (a * b * P[source, PITCH] + a * P[source, SLIP] + b * P[PITCH, SLIP])
+        std[0, k], std[1, k], std[2, k] = P[source, source], P[PITCH, PITCH], var_alpha
+        std[3, k] = P[PITCH, PITCH] + var_alpha - 2.0 * across
+        std[4, k], std[5, k] = P[WATER, WATER], P[DEPTH, DEPTH]
+        for q in range(1, columns):
+            direct = 0.0
+            if q > 1 and not powered[k]:
+                direct = change_of_glide(moved[q - 2], speed, x[PITCH, 0], glide)
+            change[0], change[1] = x[source, q], x[PITCH, q]
+            change[2] = a * x[source, q] + b * x[PITCH, q] + x[SLIP, q] + direct
+            change[3], change[4], change[5] = change[1] - change[2], x[WATER, q], x[DEPTH, q]
+            by[q - 1, k] = change[0]
+            for i in range(6):
+                std[i, k] += change[i] ** 2
+        for i in range(6):
+            std[i, k] = np.sqrt(max(std[i, k], 0.0))

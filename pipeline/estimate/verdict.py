@@ -1,8 +1,6 @@
-"""What may be said of an estimate: where it is observable, whether it is consistent, what a sensor says of it."""
+"""Where an estimate is observable, and why not elsewhere."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -38,40 +36,3 @@ def verdict(
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
     reason[series.surfaced] = "at the surface"
     return reason
-
-
-def consistency(innovation: np.ndarray, series: Series) -> dict[str, Any]:
-    """Return the mean normalised innovation squared of depth and pitch in steady flight, with its 95 % band.
-
-    Parameters
-    ----------
-    innovation
-        Normalised innovations of depth and pitch, shape (2, m), NaN where there is none.
-    series
-        Measurements and flags, m instants.
-    """
-    from scipy.stats import chi2
-
-    result: dict[str, Any] = {}
-    for name, normalised in zip(("depth", "pitch"), innovation, strict=True):
-        nis = normalised[~series.manoeuvre] ** 2
-        nis = nis[np.isfinite(nis)]
-        if nis.size:
-            low, high = chi2.ppf((0.025, 0.975), nis.size) / nis.size
-            result[name] = {"nis": float(nis.mean()), "low": float(low), "high": float(high), "n": int(nis.size)}
-    return result
-
-
-def coverage(series: Series, speed: np.ndarray, speed_std: np.ndarray, seen: np.ndarray) -> dict[str, Any] | None:
-    """Return how the estimate compares with a speed sensor, at the sensor's own instants; None without one."""
-    both = seen & np.isfinite(series.speed)
-    if not both.any():
-        return None
-    gap = speed[both] - series.speed[both]
-    sigma = np.hypot(speed_std[both], series.speed_std[both])
-    return {
-        "n": int(both.sum()),
-        "bias": float(gap.mean()),
-        "rmse": float(np.sqrt(np.mean(gap**2))),
-        "coverage95": float(np.mean(np.abs(gap) < 1.96 * sigma)),
-    }

@@ -9,6 +9,7 @@ enter.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,7 +20,7 @@ from pipeline.vehicle import Polar
 LEAST_PITCH = 0.03
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _pitch_at(polar: Polar, drag_0: float, side: float, b: float) -> tuple[float, float]:
     """Return pitch and its slope in b of the glide whose α lies b from zero lift, on the `side` of a climb (1)."""
     alpha = -polar.lift_at_zero / polar.lift_slope - side * b
@@ -29,7 +30,7 @@ def _pitch_at(polar: Polar, drag_0: float, side: float, b: float) -> tuple[float
     return side * math.atan2(drag, lift) + alpha, side * (bend - 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _flattest(polar: Polar, drag_0: float, side: float) -> float:
     """Return b = |α − α_0| of the flattest glide that is described: the best glide, nose above (below) the horizon."""
     alpha_0 = -polar.lift_at_zero / polar.lift_slope
@@ -39,11 +40,13 @@ def _flattest(polar: Polar, drag_0: float, side: float) -> float:
     return b
 
 
-@njit(cache=True)
-def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest: float) -> float:
+@njit(cache=True, nogil=True)
+def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest: float, guess: float) -> float:
     """Return b = |α − α_0| of the glide at `pitch`, steeper than the flattest: there |θ| falls monotonically in b."""
     low, high = 0.0, flattest
-    b = min(flattest, drag_0 / polar.lift_slope / max(math.tan(min(abs(pitch), 1.5)), 0.1))
+    b = guess
+    if not 0.0 < b < flattest:
+        b = min(flattest, drag_0 / polar.lift_slope / max(math.tan(min(abs(pitch), 1.5)), 0.1))
     for _ in range(60):
         found, slope = _pitch_at(polar, drag_0, side, b)
         gap = side * (found - pitch)
@@ -60,7 +63,62 @@ def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest
     return b
 
 
-@njit(cache=True)
+class Best(NamedTuple):
+    """The flattest glides described: b = |α − α_0| and pitch [rad] of climb and dive, at one parasite drag."""
+
+    up: float
+    down: float
+    up_pitch: float
+    down_pitch: float
+
+
+@njit(cache=True, nogil=True)
+def best_glides(polar: Polar, drag_0: float) -> Best:
+    """Return the flattest glides of a polar whose parasite drag is `drag_0` V², kg/m."""
+    up, down = _flattest(polar, drag_0, 1.0), _flattest(polar, drag_0, -1.0)
+    return Best(up, down, _pitch_at(polar, drag_0, 1.0, up)[0], _pitch_at(polar, drag_0, -1.0, down)[0])
+
+
+@njit(cache=True, nogil=True)
+def parasite(polar: Polar, speed: float) -> float:
+    """Return the parasite drag over V², kg/m, at `speed`, m/s."""
+    if polar.drag_exponent == 0.0:
+        return polar.parasite_drag
+    drag: float = polar.parasite_drag * max(speed, 0.05) ** polar.drag_exponent
+    return drag
+
+
+@njit(cache=True, nogil=True)
+def glide_near(
+    polar: Polar, drag_0: float, best: Best, speed: float, pitch: float, guess: float
+) -> tuple[float, float, float, bool]:
+    """Return what `glide_angle` returns, knowing the flattest glides and an angle of attack nearby.
+
+    Parameters
+    ----------
+    polar, speed, pitch
+        As in `glide_angle`.
+    drag_0, best
+        Parasite drag at this speed and the flattest glides that go with it.
+    guess
+        Angle of attack near the one looked for, rad; NaN: none.
+    """
+    alpha_0 = -polar.lift_at_zero / polar.lift_slope
+    if best.down_pitch < pitch < best.up_pitch:
+        slope = -(best.up + best.down) / (best.up_pitch - best.down_pitch)
+        return alpha_0 + best.down + slope * (pitch - best.down_pitch), slope, 0.0, False
+    side = 1.0 if pitch >= best.up_pitch else -1.0
+    flattest = best.up if side > 0.0 else best.down
+    b = _glide_lift(polar, drag_0, side, pitch, flattest, side * (alpha_0 - guess))
+    slope = _pitch_at(polar, drag_0, side, b)[1]
+    alpha = alpha_0 - side * b
+    drag, lift = drag_0 + polar.induced_drag * alpha**2, polar.lift_slope * b
+    by_drag = side * lift * drag_0 / (drag**2 + lift**2)  # of pitch, per relative change of drag_0
+    by_speed = side * by_drag / slope * polar.drag_exponent / max(speed, 0.05)
+    return alpha, -side / slope, by_speed, True
+
+
+@njit(cache=True, nogil=True)
 def glide_angle(polar: Polar, speed: float, pitch: float) -> tuple[float, float, float, bool]:
     """Return the angle of attack of an unpowered steady glide at `pitch`, its slopes, and whether there is one.
 
@@ -81,24 +139,11 @@ def glide_angle(polar: Polar, speed: float, pitch: float) -> tuple[float, float,
     tuple of float, float, float, bool
         α [rad], ∂α/∂θ [1], ∂α/∂V [rad s/m], and False where the pitch is flatter than the best glide.
     """
-    drag_0 = polar.parasite_drag * max(speed, 0.05) ** polar.drag_exponent
-    alpha_0 = -polar.lift_at_zero / polar.lift_slope
-    up, down = _flattest(polar, drag_0, 1.0), _flattest(polar, drag_0, -1.0)
-    up_pitch, down_pitch = _pitch_at(polar, drag_0, 1.0, up)[0], _pitch_at(polar, drag_0, -1.0, down)[0]
-    if down_pitch < pitch < up_pitch:
-        slope = -(up + down) / (up_pitch - down_pitch)
-        return alpha_0 + down + slope * (pitch - down_pitch), slope, 0.0, False
-    side = 1.0 if pitch >= up_pitch else -1.0
-    b = _glide_lift(polar, drag_0, side, pitch, up if side > 0.0 else down)
-    slope = _pitch_at(polar, drag_0, side, b)[1]
-    alpha = alpha_0 - side * b
-    drag, lift = drag_0 + polar.induced_drag * alpha**2, polar.lift_slope * b
-    by_drag = side * lift * drag_0 / (drag**2 + lift**2)  # of pitch, per relative change of drag_0
-    by_speed = side * by_drag / slope * polar.drag_exponent / max(speed, 0.05)
-    return alpha, -side / slope, by_speed, True
+    drag_0 = parasite(polar, speed)
+    return glide_near(polar, drag_0, best_glides(polar, drag_0), speed, pitch, math.nan)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def glide_angles(
     polar: Polar, speed: np.ndarray, pitch: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -106,6 +151,13 @@ def glide_angles(
     n = pitch.size
     alpha, by_pitch, by_speed = np.empty(n), np.empty(n), np.empty(n)
     exists = np.empty(n, dtype=np.bool_)
+    drag_0 = parasite(polar, 1.0)
+    best = best_glides(polar, drag_0)
+    guess = math.nan
     for i in range(n):
-        alpha[i], by_pitch[i], by_speed[i], exists[i] = glide_angle(polar, speed[i], pitch[i])
+        if polar.drag_exponent != 0.0:
+            drag_0 = parasite(polar, speed[i])
+            best = best_glides(polar, drag_0)
+        guess, by_pitch[i], by_speed[i], exists[i] = glide_near(polar, drag_0, best, speed[i], pitch[i], guess)
+        alpha[i] = guess
     return alpha, by_pitch, by_speed, exists

@@ -24,7 +24,9 @@ class Inputs:
     mission, vehicle
         As resolved: the vehicle with the mission's overrides.
     records, estimates, blocks, predictions
-        The canonical tables of `pipeline.records`.
+        The canonical tables of `pipeline.records`; estimates by the kinematic method.
+    force
+        Estimates by the force method, empty where there are none.
     stored
         The vehicle's own flight model solution, `records.STORED`, or None.
     ingest, estimate
@@ -37,6 +39,7 @@ class Inputs:
     vehicle: Vehicle
     records: pd.DataFrame
     estimates: pd.DataFrame
+    force: pd.DataFrame
     blocks: pd.DataFrame
     predictions: pd.DataFrame
     stored: pd.DataFrame | None

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import scores
 from benchmarks.fleet import Flight, Flown, fly, plan_of
-from pipeline.estimate.kinematic import Estimated
+from pipeline.estimate.stage import Estimated
 from pipeline.records import seconds
 
 STD = {"speed": 0.02, "angle_of_attack": 0.005, "path_angle": 0.008, "vertical_water_velocity": 0.01}

@@ -7,7 +7,7 @@ import pytest
 from truth import Trial
 
 from pipeline import mission, simulate, store, vehicle
-from pipeline.estimate.kinematic import estimate
+from pipeline.estimate.stage import estimate
 from pipeline.ingest import ingest
 
 

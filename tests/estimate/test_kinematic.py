@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate import kinematic
-from pipeline.estimate.kinematic import estimate
+from pipeline.estimate import stage
+from pipeline.estimate.stage import estimate
 from pipeline.records import ESTIMATES, Phase, conform
 
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
@@ -202,7 +202,7 @@ def test_a_long_mission_is_cut_at_the_surface_and_parts_give_what_the_whole_give
 ) -> None:
     case = trial(GLIDING)
     monkeypatch.setattr(kinematic, "PART_RECORDS", 9_000)
-    pieces = kinematic.cuts(case.records["phase"].to_numpy() == Phase.SURFACING, 9_000)
+    pieces = stage.cuts(case.records["phase"].to_numpy() == Phase.SURFACING, 9_000)
     assert len(pieces) == 3
     assert all(case.records["phase"].iloc[first] == Phase.SURFACING for first, _ in pieces[1:])
     monkeypatch.setattr(kinematic, "cuts", lambda surfaced: pieces)
@@ -218,5 +218,5 @@ def test_a_long_mission_is_cut_at_the_surface_and_parts_give_what_the_whole_give
     ("m", "expected"), [(1, [(0, 1)]), (10, [(0, 10)]), (150, [(0, 150)]), (240, [(0, 100), (100, 240)])]
 )
 def test_cuts_cover_every_record_once_without_any_surface(m: int, expected: list[tuple[int, int]]) -> None:
-    pieces = kinematic.cuts(np.zeros(m, dtype=bool), 100)
+    pieces = stage.cuts(np.zeros(m, dtype=bool), 100)
     assert pieces == expected

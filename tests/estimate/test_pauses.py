@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.kinematic import estimate
+from pipeline.estimate.stage import estimate
 
 
 @pytest.mark.parametrize("years", [0.1, 10.0])

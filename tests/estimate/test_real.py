@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.truth import lay_out, score_comet, score_sg171
 from pipeline import mission, vehicle
-from pipeline.estimate.kinematic import Estimated, estimate
+from pipeline.estimate.stage import Estimated, estimate
 from pipeline.ingest import ingest
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.kinematic import Estimated
+from pipeline.estimate.stage import Estimated
 from pipeline.mission import Mission
 from pipeline.records import seconds
 from pipeline.vehicle import Vehicle

@@ -196,6 +196,7 @@ def inputs(
         vehicle=vehicle,
         records=records,
         estimates=conform(estimates, ESTIMATES),
+        force=conform(estimates.iloc[:0], ESTIMATES),
         blocks=table,
         predictions=predict(vehicle, table),
         stored=stored,

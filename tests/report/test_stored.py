@@ -93,7 +93,7 @@ def test_sg171_stored_coefficients_disagree_with_depth_rate_and_adcp(data, tmp_p
     from shutil import copy
 
     from pipeline.estimate.blocks import block_means
-    from pipeline.estimate.kinematic import estimate
+    from pipeline.estimate.stage import estimate
     from pipeline.ingest import ingest
     from pipeline.mission import load
     from pipeline.vehicle import load as vehicle

@@ -1,0 +1,185 @@
+"""Parameters of the force model adjusted to the depth rate: maximum of likelihood times prior by the filter itself.
+
+Filter-error method (Maine & Iliff 1985, NASA RP-1138): the innovations of the filter, weighted by their variance, are
+made smallest by Gauss–Newton steps; their derivatives are those of the filter's own considered parameters. Lift,
+induced drag and the bias of pitch are never adjusted, since depth rate alone does not tell them from drag and
+buoyancy: they are considered, and what they leave open in the others stays in the covariance (Schmidt 1966). No speed
+sensor enters unless the mission says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from pipeline.estimate import smoother
+from pipeline.estimate.force import HULL_TIME, PARAMETERS, PITCH, SPEED, Adjusted, Craft, Path, linearise, path
+from pipeline.estimate.forcing import Forcing
+from pipeline.estimate.noise import noise_from
+from pipeline.estimate.series import Series
+from pipeline.estimate.settings import Settings
+
+#: What the depth rate may adjust, in the order of `PARAMETERS`; thrust only where the propeller turned.
+ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansion", "thrust", "hull_time")
+#: An innovation beyond this many standard deviations counts less (Huber 1964, doi:10.1214/aoms/1177703732).
+HUBER = 3.0
+#: Steps at most, and the change, in prior 1-sigma, below which they end.
+STEPS, STILL = 15, 1e-3
+#: Steps after which the noise levels are searched.
+SEARCHES = (2, 5)
+#: A prior is quadratic within this many 1-sigma and linear beyond: contradicted by the data it gives way.
+YIELDING = 1.0
+#: The data are said to determine a parameter when its 1-sigma falls below this share of what it was.
+DETERMINED = 0.5
+#: Noise levels found by likelihood, with the 1-sigma of the logarithm.
+SEARCHED = {"sigma_w": 0.6, "tau_w": 0.5, "depth_noise": 1.0, "swell": 2.0, "force_drift": 2.0, "load": 1.0}
+
+
+class Stretch(NamedTuple):
+    """A part of the mission with its inputs."""
+
+    series: Series
+    force: Forcing
+
+
+class _Normal(NamedTuple):
+    """Normal equations of one step: sums over innovations."""
+
+    matrix: np.ndarray  # (c, c)
+    vector: np.ndarray  # (c,)
+    cost: float
+
+
+def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *, speed: bool) -> Adjusted:
+    """Return the craft adjusted to the depth (and speed, if used) measured in `stretches`.
+
+    Parameters
+    ----------
+    stretches
+        Parts of the mission.
+    craft
+        Coefficients with their 1-sigma before the mission.
+    paths
+        Where each stretch is linearised at first.
+    speed
+        Whether the speed sensor is a measurement.
+    """
+    settings = noise_from(stretches[0].series)
+    powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
+    names = [name for name in ADJUSTED if (name != "thrust" or powered) and craft.std[PARAMETERS.index(name)] > 0.0]
+    free = np.array([name in names for name in PARAMETERS])
+    paths = list(paths)
+    converged = False
+    for step in range(STEPS):
+        normal = _Normal(np.zeros((free.size, free.size)), np.zeros(free.size), 0.0)
+        for i, stretch in enumerate(stretches):
+            problem, _ = linearise(stretch.series, stretch.force, craft, settings, paths[i], speed=speed)
+            normal = _summed(normal, _normal(problem, stretch.series))
+            paths[i] = _smoothed(problem, stretch.series)
+        matrix, gradient = _with_prior(normal, craft)
+        change = -np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
+        change *= min(1.0, 2.0 / max(float(np.max(np.abs(change), initial=0.0)), 1e-9))
+        value = craft.value.copy()
+        value[free] += change * craft.std[free]
+        value[HULL_TIME] = max(value[HULL_TIME], 0.0)
+        craft = craft._replace(value=value)
+        if step in SEARCHES:
+            settings = _likeliest(stretches, craft, settings, paths, speed=speed)
+        elif np.max(np.abs(change), initial=0.0) < STILL and step > SEARCHES[-1]:
+            converged = True
+            break
+    columns = _root(matrix, free) * craft.std[:, None]
+    return Adjusted(craft, settings, columns, _report(craft, columns, free, converged))
+
+
+def _normal(problem: smoother.Problem, series: Series) -> _Normal:
+    """Return the normal equations of one stretch in units of 1 (not of 1-sigma); the surface is left out."""
+    found, variance = smoother.innovations(problem)
+    found = found / np.sqrt(variance)[:, :, None]
+    used = np.isfinite(found[:, :, 0])
+    used[series.surfaced] = False
+    residual, slope = found[used][:, 0], found[used][:, 1:]
+    weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9))
+    return _Normal(slope.T @ (slope * weight[:, None]), slope.T @ (weight * residual), float(weight @ residual**2))
+
+
+def _summed(a: _Normal, b: _Normal) -> _Normal:
+    return _Normal(a.matrix + b.matrix, a.vector + b.vector, a.cost + b.cost)
+
+
+def _with_prior(normal: _Normal, craft: Craft) -> tuple[np.ndarray, np.ndarray]:
+    """Return matrix and gradient with the prior's; `linearise` gives columns per 1-sigma, and so are these."""
+    known = craft.std > 0.0
+    departure = np.where(known, (craft.value - craft.centre) / np.where(known, craft.std, 1.0), 0.0)
+    weight = np.minimum(1.0, YIELDING / np.maximum(np.abs(departure), 1e-9))
+    return normal.matrix + np.diag(weight), normal.vector + weight * departure
+
+
+def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return columns whose outer products sum to the covariance of all parameters, per 1-sigma; shape (c, c).
+
+    The considered keep their prior; the adjusted have the covariance of the fit, and move with the considered.
+    """
+    columns = np.zeros_like(matrix)
+    inverse = np.linalg.inv(matrix[np.ix_(free, free)])
+    columns[np.ix_(free, free)] = np.linalg.cholesky(inverse)
+    columns[np.ix_(~free, ~free)] = np.eye(int((~free).sum()))
+    columns[np.ix_(free, ~free)] = -inverse @ matrix[np.ix_(free, ~free)]
+    return columns
+
+
+def _smoothed(problem: smoother.Problem, series: Series) -> Path:
+    c = problem.shift.shape[2]
+    plain = problem._replace(
+        shift=np.ascontiguousarray(problem.shift[:, :, :1]), observed_by=np.empty((len(problem.seen), 0))
+    )
+    mean = smoother.solve(plain if c > 1 else problem).mean[:, :, 0]
+    return path(series, mean[:, SPEED], mean[:, PITCH])
+
+
+def _likeliest(
+    stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: Sequence[Path], *, speed: bool
+) -> Settings:
+    """Return settings with σ and τ of w_w, swell and the noise of depth at the maximum of likelihood times prior."""
+    names = list(SEARCHED)
+    median = np.log([getattr(Settings(), name) if name != "depth_noise" else settings.depth_noise for name in names])
+    spread = np.array(list(SEARCHED.values()))
+    nothing = np.empty((len(PARAMETERS), 0))
+
+    def cost(u: np.ndarray) -> float:
+        trial = settings._replace(**dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
+        total = 0.5 * float(u @ u)
+        for stretch, at in zip(stretches, paths, strict=True):
+            problem, _ = linearise(stretch.series, stretch.force, craft, trial, at, speed=speed, columns=nothing)
+            total -= smoother.log_likelihood(problem)
+        return total
+
+    start = (np.log([getattr(settings, name) for name in names]) - median) / spread
+    best = minimize(cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3})
+    return settings._replace(**dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True)))
+
+
+def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:
+    """Return every parameter with value, 1-sigma before and after, and whether the data determine it."""
+    after = np.sqrt(np.sum(columns**2, axis=1))
+    table = {}
+    for i, name in enumerate(PARAMETERS):
+        if craft.std[i] <= 0.0:
+            continue
+        if not free[i]:
+            verdict = "considered: depth rate alone does not tell it from the others"
+        elif after[i] < DETERMINED * craft.std[i]:
+            verdict = "determined"
+        else:
+            verdict = "not determined by these data: mostly as before the mission"
+        table[name] = {
+            "value": float(craft.value[i]),
+            "std": float(after[i]),
+            "before": float(craft.centre[i]),
+            "std_before": float(craft.std[i]),
+            "verdict": verdict,
+        }
+    return {"parameters": table, "converged": converged}

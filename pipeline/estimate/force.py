@@ -1,0 +1,467 @@
+"""The force model, linear along a trajectory: speed from net buoyancy, thrust and drag, alpha from the lift balance.
+
+State V, θ, z, w_w and a slow error of net buoyancy. Along the path m_1 V' = T cos α − D + G sin γ; normal to the body
+L cos α + D sin α + G cos θ = m_1 V q cos α, so that α is slaved to pitch, speed and pitch rate q (Niu et al. 2017,
+Eqs. 1 to 8, doi:10.1007/s13344-017-0061-y; the fast mode that settles α lasts less than a second). Speed is carried
+over a step by the exponential of its own decay, which is stable whatever the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.estimate.ballast import Hull
+from pipeline.estimate.forcing import Forcing, with_thermal_lag
+from pipeline.estimate.linearise import LONGEST, integrated
+from pipeline.estimate.series import PAUSE, Series
+from pipeline.estimate.settings import Settings
+from pipeline.estimate.smoother import Problem, Solution
+from pipeline.estimate.trajectory import Flight
+from pipeline.mission import Mission
+from pipeline.model.forces import propeller_of, thrust
+from pipeline.vehicle import Polar, Propeller, Vehicle
+
+#: States, in order.
+SPEED, PITCH, DEPTH, WATER, LOAD = range(5)
+#: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
+PARAMETERS = (
+    "pitch",  # rad, bias of the measured pitch
+    "parasite_drag",  # relative
+    "lift_slope",  # relative
+    "induced_drag",  # relative
+    "lift_at_zero",  # kg/m
+    "net_buoyancy",  # N
+    "compressibility",  # 1/Pa
+    "thermal_expansion",  # 1/K
+    "thrust",  # relative
+    "hull_time",  # s, in which the hull takes on the temperature of the water
+)
+BIAS, EXPANSION, HULL_TIME = (PARAMETERS.index(name) for name in ("pitch", "thermal_expansion", "hull_time"))
+#: Bounds of the path: V [m/s], θ [rad], q [rad/s].
+LEAST, MOST, STEEPEST, TURNING = 0.02, 4.0, 1.5, 0.2
+#: Below this speed (m/s) the lift balance is not asked for α, and α is at most this (rad): beyond, flow is separated.
+SLOW, STALLED = 0.08, 0.30
+#: The path is solved for at most so many times.
+ITERATIONS = 8
+#: s, the time in which a hull takes on the temperature of the water, before the mission; and its 1-sigma.
+HULL_TIME_BEFORE, HULL_TIME_STD = 150.0, 150.0
+#: Mass along the nose over mass, where added mass is not known.
+ADDED = 1.1
+#: At the surface V falls to nothing within this time (s).
+STOPPING = 10.0
+
+
+class Path(NamedTuple):
+    """Where the force model is linearised: V [m/s], θ [rad] and q [rad/s], each of shape (m,)."""
+
+    speed: np.ndarray
+    pitch: np.ndarray
+    pitch_rate: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def _attack(
+    polar: Polar, ratio: float, inertia: float, force: float, v: float, pitch: float, q: float
+) -> tuple[float, float, float, float]:
+    """Return α of the lift balance and its slopes in V, θ and per newton of normal force; 0 slopes where stalled."""
+    speed = max(v, SLOW)
+    square = ratio * speed * speed
+    cos_t, sin_t = math.cos(pitch), math.sin(pitch)
+    drag_0 = polar.parasite_drag * speed**polar.drag_exponent if polar.drag_exponent != 0.0 else polar.parasite_drag
+    normal = force * cos_t - inertia * speed * q
+    alpha = -(normal + square * polar.lift_at_zero) / (square * (polar.lift_slope + drag_0))
+    slope = 1.0
+    for _ in range(4):
+        alpha = min(max(alpha, -STALLED), STALLED)
+        cos_a, sin_a = math.cos(alpha), math.sin(alpha)
+        lift = square * (polar.lift_at_zero + polar.lift_slope * alpha)
+        drag = square * (drag_0 + polar.induced_drag * alpha * alpha)
+        value = (lift - inertia * speed * q) * cos_a + drag * sin_a + force * cos_t
+        slope = (
+            square * (polar.lift_slope * cos_a + 2.0 * polar.induced_drag * alpha * sin_a)
+            - (lift - inertia * speed * q) * sin_a
+            + drag * cos_a
+        )
+        alpha -= value / slope
+    if abs(alpha) >= STALLED or v < SLOW:
+        return min(max(alpha, -STALLED), STALLED), 0.0, 0.0, 0.0
+    by_v = (2.0 * lift / speed - inertia * q) * cos_a + (2.0 * drag / speed) * sin_a
+    return alpha, -by_v / slope, force * sin_t / slope, -1.0 / slope
+
+
+@njit(cache=True, nogil=True)
+def _fill(
+    polar: Polar,
+    propeller: Propeller,
+    inertia: float,
+    density_0: float,
+    values: np.ndarray,
+    time: np.ndarray,
+    manoeuvre: np.ndarray,
+    surfaced: np.ndarray,
+    force: Forcing,
+    at: Path,
+    s: Settings,
+    decay: np.ndarray,
+    rows: np.ndarray,
+    shift: np.ndarray,
+    noise: np.ndarray,
+    cross: np.ndarray,
+    alphas: np.ndarray,
+) -> None:
+    """Fill F, shift, Q, and α with its slopes (V, θ, then every parameter) along the path."""
+    m, _ = decay.shape
+    c = values.size
+    drag_by, lift_by, induced_by = values[1], values[2], values[3]
+    polar = Polar(
+        polar.lift_at_zero + values[4],
+        polar.lift_slope * (1.0 + lift_by),
+        polar.parasite_drag * (1.0 + drag_by),
+        polar.induced_drag * (1.0 + induced_by),
+        polar.drag_exponent,
+    )
+    push = 1.0 + values[8]
+    dt_0, phi_w = -1.0, 1.0
+    rate_by, alpha_by = np.zeros(c), np.zeros(c)
+    for k in range(m):
+        last = k == m - 1
+        pause = 1.0 if last else time[k + 1] - time[k]
+        dt = min(max(pause, 1e-3), LONGEST)
+        j = k if last else k + 1
+        v, pitch = at.speed[k], 0.5 * (at.pitch[k] + at.pitch[j])
+        buoyancy = 0.5 * (force.net_buoyancy[k] + force.net_buoyancy[j]) + values[5]
+        buoyancy += values[6] * force.by_compression[k] + values[7] * force.by_expansion[k]
+        ratio = force.density[k] / density_0
+        q = at.pitch_rate[k]
+        alpha, a_v, a_t, a_n = _attack(polar, ratio, inertia, buoyancy, v, pitch, q)
+        here = max(v, SLOW)
+        cos_a, sin_a = math.cos(alpha), math.sin(alpha)
+        gamma = pitch - alpha
+        sine, cosine = math.sin(gamma), math.cos(gamma)
+        square = ratio * here * here
+        parasite = polar.parasite_drag
+        if polar.drag_exponent != 0.0:
+            parasite *= here**polar.drag_exponent
+        drag = square * (parasite + polar.induced_drag * alpha * alpha)
+        pushing = push * thrust(propeller, force.density[k], force.propeller_speed[k], here)
+        pushing_v = 0.0
+        if force.propeller_speed[k] != 0.0:
+            pushing_v = push * propeller.thrust_slope * force.density[k] * propeller.diameter**3
+            pushing_v *= force.propeller_speed[k]
+        rate = (pushing * cos_a - drag + buoyancy * sine) / inertia
+        # V' and γ in α, then in V and θ with α slaved
+        rate_a = (-pushing * sin_a - 2.0 * square * polar.induced_drag * alpha - buoyancy * cosine) / inertia
+        rate_v = (pushing_v * cos_a - (2.0 * drag + square * parasite * polar.drag_exponent) / here) / inertia
+        rate_v = min(rate_v + rate_a * a_v, -1e-3)
+        rate_t = buoyancy * cosine / inertia + rate_a * a_t
+        # the considered, per 1-sigma: direct, and through α by the change of normal force
+        cos_t = math.cos(pitch)
+        for i in range(c):
+            rate_by[i], alpha_by[i] = 0.0, 0.0
+        lifting = square * polar.lift_slope * alpha * cos_a
+        direct = (
+            0.0,
+            -square * parasite / (1.0 + drag_by),
+            0.0,
+            -square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha,
+            0.0,
+            sine,
+            force.by_compression[k] * sine,
+            force.by_expansion[k] * sine,
+            pushing * cos_a / push if push != 0.0 else 0.0,
+            force.by_time[k] * sine,
+        )
+        normal = (
+            0.0,
+            square * parasite / (1.0 + drag_by) * sin_a,
+            lifting / (1.0 + lift_by),
+            square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha * sin_a,
+            square * cos_a,
+            cos_t,
+            force.by_compression[k] * cos_t,
+            force.by_expansion[k] * cos_t,
+            0.0,
+            force.by_time[k] * cos_t,
+        )
+        for i in range(c):
+            alpha_by[i] = a_n * normal[i]
+            rate_by[i] = direct[i] / inertia + rate_a * alpha_by[i]
+        alphas[k, 0], alphas[k, 1], alphas[k, 2] = alpha, a_v, a_t
+        for i in range(c):
+            alphas[k, 3 + i] = alpha_by[i]
+        if last:
+            break
+        if dt != dt_0:
+            phi_w, dt_0 = math.exp(-dt / s.tau_w), dt
+        w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
+        d, w, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
+        d[:] = 1.0
+        d[WATER] = phi_w
+        d[LOAD] = math.exp(-dt / s.load_time)
+        w[LOAD] = s.load**2 * (1.0 - d[LOAD] ** 2)
+        quick = manoeuvre[k]
+        q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
+        tau = -1.0 / rate_v
+        phi_v = math.exp(-dt / tau)
+        reach = tau * (1.0 - phi_v)  # ∫ of the decay over the step
+        farther = tau * (dt - reach)  # and of that
+        if surfaced[k] or pause > PAUSE or v + rate * reach < 0.0:
+            # afloat, unrecorded, or pushed to a stop: what V was here says nothing about what comes after
+            phi_v = math.exp(-dt / STOPPING)
+            _, v_var, _, _ = integrated(s.initial_speed, STOPPING, dt, phi_v)
+            F[0, SPEED], F[1, DEPTH], F[1, WATER] = phi_v, 1.0, -w_weight
+            w[SPEED], w[PITCH], w[WATER], w[DEPTH] = v_var, q_t * dt, w_var, w_int + s.heave_drift * dt
+            if pause > PAUSE:
+                w[DEPTH] += (s.initial_speed * dt) ** 2
+            x[WATER] = -w_cov
+            continue
+        unrest = math.sqrt(0.5 * tau * (s.force_drift_manoeuvre if quick else s.force_drift))
+        _, v_var, v_cov, v_int = integrated(unrest, tau, dt, phi_v)
+        z_v = -sine + v * cosine * a_v
+        z_t = -v * cosine * (1.0 - a_t)
+        F[0, SPEED], F[0, PITCH] = phi_v, rate_t * reach
+        b[0, 0] = v * (1.0 - phi_v) + rate * reach - rate_t * reach * at.pitch[k]
+        F[1, SPEED], F[1, PITCH], F[1, DEPTH], F[1, WATER] = (
+            z_v * reach,
+            z_t * dt + z_v * rate_t * farther,
+            1.0,
+            -w_weight,
+        )
+        b[1, 0] = -v * sine * dt + z_v * rate * farther - z_v * reach * v - F[1, PITCH] * at.pitch[k]
+        load_a = a_n * cos_t
+        load_v = sine / inertia + rate_a * load_a
+        F[0, LOAD], F[1, LOAD] = load_v * reach, v * cosine * load_a * dt + z_v * load_v * farther
+        for i in range(c):
+            b[0, 1 + i] = rate_by[i] * reach
+            b[1, 1 + i] = v * cosine * alpha_by[i] * dt + z_v * rate_by[i] * farther
+        w[SPEED], w[PITCH], w[WATER] = v_var, q_t * dt, w_var
+        w[DEPTH] = z_v**2 * v_int + z_t**2 * q_t * dt**3 / 3.0 + w_int + s.swell * dt
+        x[SPEED], x[PITCH], x[WATER] = z_v * v_cov, z_t * q_t * dt * dt / 2.0, -w_cov
+        if quick:
+            w[DEPTH] += s.heave_drift_force * dt
+
+
+class Craft(NamedTuple):
+    """A vehicle as the force model sees it; the parameters' 1-sigma and current values in the order of `PARAMETERS`."""
+
+    polar: Polar
+    propeller: Propeller
+    inertia: float  # kg, mass along the nose, added mass included
+    density: float  # kg/m3, at which the polar holds
+    expansion: float  # 1/K
+    centre: np.ndarray  # (c,): values before the mission
+    std: np.ndarray  # (c,): 1-sigma before the mission
+    value: np.ndarray  # (c,): values now
+
+
+class Adjusted(NamedTuple):
+    """The craft with adjusted values, what is left open of all parameters together, and the account of it."""
+
+    craft: Craft
+    settings: Settings
+    columns: np.ndarray  # (c, k): square root of the parameters' covariance
+    report: dict[str, Any]
+
+
+def linearise(
+    series: Series,
+    force: Forcing,
+    craft: Craft,
+    settings: Settings,
+    at: Path,
+    *,
+    speed: bool,
+    columns: np.ndarray | None = None,
+) -> tuple[Problem, np.ndarray]:
+    """Return the state-space problem of the force model, linear along `at`, and α with its slopes.
+
+    Parameters
+    ----------
+    series
+        Measurements and flags, m instants.
+    force
+        Inputs, the hull as warm as the water.
+    craft
+        Coefficients with the present values of the parameters.
+    settings
+        Noise levels.
+    at
+        Path of V, θ, q.
+    speed
+        Whether the speed sensor is a measurement.
+    columns
+        Changes of the parameters that are considered, in the parameters' own units, shape (c, k); their present
+        1-sigma each if left out.
+
+    Returns
+    -------
+    tuple of Problem, ndarray
+        The problem; α [rad], its slopes in V and θ, and its change with each considered column, shape (m, 3 + k).
+    """
+    m, s, c = series.time.size, settings, len(PARAMETERS)
+    n, p = LOAD + 1, 3
+    mixed = np.diag(craft.std) if columns is None else columns
+    lag = craft.value[HULL_TIME]
+    expansion = craft.expansion + craft.value[EXPANSION]
+    force = with_thermal_lag(force, series.time, expansion, lag)
+    decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
+    noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
+    _fill(
+        craft.polar,
+        craft.propeller,
+        craft.inertia,
+        craft.density,
+        craft.value,
+        series.time,
+        series.manoeuvre,
+        series.surfaced,
+        force,
+        at,
+        settings,
+        decay,
+        rows,
+        shift,
+        noise,
+        cross,
+        alphas,
+    )
+    observed, variance = np.full((m, p), np.nan), np.ones((m, p))
+    observed[:, 0], variance[:, 0] = series.depth, s.depth_noise**2
+    observed[:, 1], variance[:, 1] = series.pitch + craft.value[BIAS], s.pitch_noise**2
+    if speed:
+        observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
+    observed_by = np.zeros((p, c))
+    observed_by[1, BIAS] = 1.0
+    first = np.flatnonzero(np.isfinite(series.depth))
+    start = series.depth[first[0]] if first.size else 0.0
+    seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
+    seen[:, 0], weight[:, 0] = (DEPTH, PITCH, SPEED), 1.0
+    problem = Problem(
+        np.array([at.speed[0], at.pitch[0], start, 0.0, 0.0]),
+        np.diag([s.initial_speed, 0.2, 5.0, s.sigma_w, s.load]) ** 2,
+        decay,
+        np.array([SPEED, DEPTH]),
+        rows,
+        np.concatenate([shift[:, :, :1], shift[:, :, 1:] @ mixed], axis=2),
+        noise,
+        cross,
+        DEPTH,
+        seen,
+        weight,
+        observed,
+        observed_by @ mixed,
+        variance,
+    )
+    return problem, np.concatenate([alphas[:, :3], alphas[:, 3:] @ mixed], axis=1)
+
+
+def path(series: Series, speed: np.ndarray, pitch: np.ndarray) -> Path:
+    """Return the path through V and θ, shape (m,) each, with the pitch rate that they have."""
+    if series.time.size < 2:
+        return Path(speed, pitch, np.zeros_like(pitch))
+    rate = np.gradient(pitch, np.maximum.accumulate(series.time + 1e-3 * np.arange(series.time.size)))
+    return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), np.clip(rate, -TURNING, TURNING))
+
+
+def craft(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
+    """Return the vehicle as the force model sees it before the mission.
+
+    Parameters
+    ----------
+    vehicle
+        Coefficients with 1-sigma; what it does not know is taken as zero and known.
+    mission
+        1-sigma of the bias of pitch.
+    body
+        Mass, and 1-sigma of net buoyancy.
+    """
+    std = {
+        "pitch": math.radians(mission.pitch.std_deg),
+        "lift_at_zero": vehicle.std("lift_at_zero"),
+        "net_buoyancy": body.std,
+        "compressibility": vehicle.std("compressibility"),
+        "thermal_expansion": vehicle.std("thermal_expansion"),
+        "thrust": vehicle.std("thrust_static") / vehicle["thrust_static"] if vehicle.propeller else 0.0,
+        "hull_time": HULL_TIME_STD,
+    }
+    std |= {name: vehicle.std(name) / vehicle[name] for name in ("parasite_drag", "lift_slope", "induced_drag")}
+    known = np.nan_to_num(np.array([std[name] for name in PARAMETERS]))
+    centre = np.zeros(len(PARAMETERS))
+    centre[HULL_TIME] = HULL_TIME_BEFORE
+    forward = vehicle["mass_forward"]
+    return Craft(
+        vehicle.polar,
+        propeller_of(vehicle),
+        forward if math.isfinite(forward) else ADDED * body.mass,
+        vehicle["reference_density"],
+        float(np.nan_to_num(vehicle["thermal_expansion"])),
+        centre,
+        known,
+        centre.copy(),
+    )
+
+
+def solve(
+    series: Series,
+    force: Forcing,
+    adjusted: Adjusted,
+    at: Path,
+    *,
+    speed: bool,
+    solver: Callable[[Problem], Solution],
+) -> tuple[Flight, Problem, Solution]:
+    """Return the flight by the force model, the last problem and its solution.
+
+    Parameters
+    ----------
+    series, force
+        Measurements and inputs, m instants.
+    adjusted
+        Craft, noise levels, and the columns of what is left open.
+    at
+        Where to linearise at first.
+    speed
+        Whether the speed sensor is a measurement.
+    solver
+        Engine.
+    """
+    nothing = np.empty((len(PARAMETERS), 0))
+    for _ in range(ITERATIONS):
+        problem, _ = linearise(series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=nothing)
+        mean = solver(problem).mean[:, :, 0]
+        new = path(series, mean[:, SPEED], mean[:, PITCH])
+        change = float(np.max(np.abs(new.speed - at.speed)))
+        at = new
+        if change < 1e-5:
+            break
+    problem, alphas = linearise(
+        series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=adjusted.columns
+    )
+    solution = solver(problem)
+    return _flight(solution, alphas), problem, solution
+
+
+def _flight(solution: Solution, alphas: np.ndarray) -> Flight:
+    """Return the flight that smoothed states describe, with what states and parameters leave open."""
+    mean, P = solution.mean, solution.covariance
+    alpha, by_v, by_t = alphas[:, 0], alphas[:, 1], alphas[:, 2]
+    change_alpha = by_v[:, None] * mean[:, SPEED, 1:] + by_t[:, None] * mean[:, PITCH, 1:] + alphas[:, 3:]
+    across = by_v * P[:, SPEED, PITCH] + by_t * P[:, PITCH, PITCH]
+    var_alpha = by_v**2 * P[:, SPEED, SPEED] + by_t * (across + by_v * P[:, SPEED, PITCH])
+    pitch = mean[:, PITCH, 0]
+    rows = (
+        (mean[:, SPEED, 0], P[:, SPEED, SPEED], mean[:, SPEED, 1:]),
+        (pitch, P[:, PITCH, PITCH], mean[:, PITCH, 1:]),
+        (alpha, var_alpha, change_alpha),
+        (pitch - alpha, P[:, PITCH, PITCH] + var_alpha - 2.0 * across, mean[:, PITCH, 1:] - change_alpha),
+        (mean[:, WATER, 0], P[:, WATER, WATER], mean[:, WATER, 1:]),
+        (mean[:, DEPTH, 0], P[:, DEPTH, DEPTH], mean[:, DEPTH, 1:]),
+    )
+    state = np.stack([row[0] for row in rows])
+    std = np.sqrt(np.stack([np.maximum(row[1], 0.0) + np.sum(row[2] ** 2, axis=1) for row in rows]))
+    return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(alpha.size, dtype=bool))

@@ -1,0 +1,119 @@
+"""What drives the vehicle: net buoyancy, density and propeller along the records, for the force model alone."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import gsw
+import numpy as np
+import pandas as pd
+from numba import njit
+
+from pipeline.estimate.ballast import Hull
+from pipeline.mission import Mission
+from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
+from pipeline.records import seconds, usable
+from pipeline.vehicle import Vehicle
+
+
+class Forcing(NamedTuple):
+    """Inputs of the force model, one value per record; held or interpolated between reports: no measurements."""
+
+    net_buoyancy: np.ndarray  # (m,) N, up positive
+    by_compression: np.ndarray  # (m,) N per 1/Pa of compressibility
+    by_expansion: np.ndarray  # (m,) N per 1/K of thermal expansion
+    by_time: np.ndarray  # (m,) N per s of the hull's thermal time constant
+    density: np.ndarray  # (m,) kg/m3
+    propeller_speed: np.ndarray  # (m,) rev/s
+
+
+def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hull) -> tuple[Forcing | None, str]:
+    """Return the inputs of the force model along the records, the hull as warm as the water; or None and why.
+
+    Parameters
+    ----------
+    records
+        Canonical records, m rows.
+    vehicle, mission
+        Compressibility and thermal expansion; the latitude where the records carry none.
+    body
+        Mass and volume.
+    """
+    time = seconds(records["time"])
+    pressure = _between(time, np.where(usable(records, "pressure"), records["pressure"].to_numpy(), np.nan))
+    temperature, density, engine = (
+        _between(time, records[name].to_numpy()) for name in ("temperature", "density", "buoyancy_volume")
+    )
+    for name, value in (("pressure", pressure), ("density", density), ("buoyancy engine volume", engine)):
+        if np.isnan(value).any():
+            return None, f"no {name}: no net buoyancy"
+    if np.isnan(temperature).any():
+        temperature = np.full(time.size, vehicle["reference_temperature"])
+    fixes = records["latitude"].dropna()
+    latitude = float(fixes.median()) if len(fixes) else mission.latitude
+    gravity = float(gsw.grav(45.0 if latitude is None else latitude, 0.0))
+    squeeze, expand = (np.nan_to_num(vehicle[name]) for name in ("compressibility", "thermal_expansion"))
+    force = net_buoyancy(
+        mass=body.mass,
+        volume=body.volume,
+        buoyancy_volume=engine,
+        density=density,
+        pressure=pressure,
+        temperature=temperature,
+        compressibility=squeeze,
+        thermal_expansion=expand,
+        reference_temperature=vehicle["reference_temperature"],
+        gravity=gravity,
+    )
+    displaced = gravity * density * body.volume
+    return (
+        Forcing(
+            force,
+            -displaced * PASCAL_PER_DBAR * pressure,
+            displaced * (temperature - vehicle["reference_temperature"]),
+            np.zeros(time.size),
+            density,
+            records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
+        ),
+        "",
+    )
+
+
+def with_thermal_lag(force: Forcing, time: np.ndarray, expansion: float, constant: float) -> Forcing:
+    """Return `force` for a hull that takes on the water's temperature with a time constant.
+
+    Parameters
+    ----------
+    force
+        As from `forcing`, m instants.
+    time
+        s, shape (m,).
+    expansion
+        Thermal expansion of the hull, 1/K.
+    constant
+        Time constant, s.
+    """
+    late = lagged(time, force.by_expansion, constant)
+    later = lagged(time, force.by_expansion, constant + 1.0)
+    return force._replace(
+        net_buoyancy=force.net_buoyancy + expansion * (late - force.by_expansion),
+        by_expansion=late,
+        by_time=expansion * (later - late),
+    )
+
+
+@njit(cache=True, nogil=True)
+def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
+    """Return `value` as seen by a first-order lag with this time constant, s; shapes (m,)."""
+    late = value.copy()
+    for k in range(1, time.size):
+        kept = np.exp(-(time[k] - time[k - 1]) / constant) if constant > 0.0 else 0.0
+        late[k] = kept * late[k - 1] + (1.0 - kept) * value[k]
+    return late
+
+
+def _between(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+    known = np.isfinite(value)
+    if not known.any():
+        return np.full(time.size, np.nan)
+    return np.asarray(np.interp(time, time[known], value[known]))

@@ -1,0 +1,48 @@
+"""Noise levels of the estimators: those found in a mission, and those that hold for all."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Settings(NamedTuple):
+    """Noise levels; the first group is found in the mission, the second is general."""
+
+    sigma_w: float = 0.01  # m/s, vertical water velocity
+    tau_w: float = 300.0  # s, its correlation time
+    depth_noise: float = 0.05  # m
+    swell: float = 1e-5  # m2/s, random walk of depth: vertical motion too quick to last, such as waves
+    pitch_noise: float = math.radians(0.2)  # rad
+    pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
+
+    current_drift: float = 7e-7  # m2/s3, random walk of the current
+    speed_drift: float = 2e-7  # m2/s3, random walk of V in steady flight in homogeneous water
+    speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
+    speed_drift_manoeuvre: float = 3e-3  # m2/s3
+    speed_drift_gentle: float = 1.5e-4  # m2/s3, manoeuvres under steady power
+    speed_drift_surface: float = 1e-2  # m2/s3, at the surface: what V was there says nothing about the dive
+    stratification: float = 0.05  # m3/kg, relative change of V per change of density that κ leaves, as a random walk
+    pitch_share: float = 0.3  # 1-sigma of what V does when the pitch wanders over what a steady glide's would do
+    response: float = 0.02  # m5/s2/kg, κ: loss of V²/2 per change of density met, g·volume·sin γ/2K_D0; its 1-sigma
+    response_drift: float = 1e-6  # m10/s5/kg2, random walk of κ in manoeuvres
+    least_speed: float = 0.1  # m/s, below which V no longer falls faster
+    pitch_drift_manoeuvre: float = math.radians(1.0) ** 2  # rad2/s
+    slip: float = math.radians(0.1)  # rad, 1-sigma of δ in steady unpowered flight
+    slip_manoeuvre: float = math.radians(1.0)
+    slip_time: float = 15.0  # s
+    slip_time_manoeuvre: float = 10.0
+    slip_time_powered: float = 3600.0  # net buoyancy and thrust last, and with them what they do to α
+    fix_noise: float = 5.0  # m
+    position_drift: float = 0.05  # m2/s, dead reckoning below the surface
+    surface_drift: float = 4.0  # m2/s, at the surface
+    heave_drift: float = 0.2  # m2/s, depth in manoeuvres and at the surface
+    cruise_drift: float = 3e-8  # m2/s3, random walk of the speed of powered level flight
+    continuity: float = 0.02  # m/s, 1-sigma by which V just before and after differs from it
+    force_drift: float = 1e-6  # m2/s3, what the force model leaves of V' in steady flight
+    force_drift_manoeuvre: float = 3e-5  # m2/s3
+    load: float = 0.1  # N, 1-sigma of the slow error of net buoyancy: hull and water not of one temperature, air
+    load_time: float = 600.0  # s
+    heave_drift_force: float = 0.01  # m2/s, depth in manoeuvres, in the force model
+    initial_speed: float = 0.5  # m/s, 1-sigma
+    initial_current: float = 0.3  # m/s, 1-sigma
