@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import io
 import json
 import math
 import os
 import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,23 +26,37 @@ if TYPE_CHECKING:
     from pipeline.records import Column
 
 PART = ".part"
+#: Rows that are compressed together, so that a part of a table can be read without the rest.
+GROUP = 20_000
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write `data` to `path` atomically, creating its folder."""
+@contextmanager
+def whole(path: Path) -> Iterator[IO[bytes]]:
+    """Give a file to write to that becomes `path` when all is written, and nothing if that fails; make its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.parent / f".{path.name}.{uuid.uuid4().hex}{PART}"
     try:
         descriptor = os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o644)
     except (AttributeError, OSError):
-        temporary.write_bytes(data)
+        try:
+            with temporary.open("wb") as file:
+                yield file
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
     else:
         with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
+            yield file
             file.flush()
             # A source descriptor makes Python call linkat(AT_SYMLINK_FOLLOW), which /proc needs.
             os.link(f"/proc/self/fd/{descriptor}", temporary, src_dir_fd=descriptor)
     temporary.replace(path)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write `data` to `path` atomically, creating its folder."""
+    with whole(path) as file:
+        file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -78,20 +93,64 @@ def write_table(
     path: Path, frame: pd.DataFrame, columns: tuple[Column, ...], metadata: dict[str, str] | None = None
 ) -> None:
     """Write `frame` as Parquet with the unit and meaning of every column in its field metadata, atomically."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    with table_writer(path, columns, metadata) as table:
+        table.write(frame)
 
-    from pipeline.records import conform
 
-    table = pa.Table.from_pandas(conform(frame, columns), preserve_index=False)
-    fields = [
-        table.schema.field(column.name).with_metadata({"unit": column.unit, "meaning": column.meaning})
-        for column in columns
-    ]
-    schema = pa.schema(fields, metadata={**(table.schema.metadata or {}), **(metadata or {})})
-    buffer = io.BytesIO()
-    pq.write_table(table.cast(schema), buffer, compression="zstd")
-    write_bytes(path, buffer.getvalue())
+class TableWriter:
+    """Writes a Parquet table part by part, with the unit and meaning of every column in its field metadata.
+
+    Parameters
+    ----------
+    file
+        Where its bytes go.
+    columns
+        The canonical table.
+    metadata
+        What else is to be kept with it.
+    """
+
+    def __init__(self, file: IO[bytes], columns: tuple[Column, ...], metadata: dict[str, str]) -> None:
+        import pandas as pd
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        from pipeline.records import conform
+
+        self._columns = columns
+        plain = pa.Schema.from_pandas(conform(pd.DataFrame(), columns), preserve_index=False)
+        fields = [
+            plain.field(column.name).with_metadata({"unit": column.unit, "meaning": column.meaning})
+            for column in columns
+        ]
+        self._schema = pa.schema(fields, metadata={**(plain.metadata or {}), **metadata})
+        self._writer = pq.ParquetWriter(file, self._schema, compression="zstd")
+
+    def write(self, frame: pd.DataFrame) -> None:
+        """Append the rows of `frame`; those of one call are never compressed together with those of the next."""
+        import pyarrow as pa
+
+        from pipeline.records import conform
+
+        table = pa.Table.from_pandas(conform(frame, self._columns), preserve_index=False, nthreads=1)
+        self._writer.write_table(table.cast(self._schema), row_group_size=GROUP)
+
+    def close(self) -> None:
+        """Write the end of the file."""
+        self._writer.close()
+
+
+@contextmanager
+def table_writer(
+    path: Path, columns: tuple[Column, ...], metadata: dict[str, str] | None = None
+) -> Iterator[TableWriter]:
+    """Give a writer for the Parquet table `path`, which appears when all parts are written and not before."""
+    with whole(path) as file:
+        writer = TableWriter(file, columns, metadata or {})
+        try:
+            yield writer
+        finally:
+            writer.close()
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -100,6 +159,63 @@ def read_table(path: Path) -> pd.DataFrame:
 
     frame: pd.DataFrame = pq.read_table(path).to_pandas()
     return frame
+
+
+class TableReader:
+    """Reads parts of a Parquet table, in memory that does not grow with the table.
+
+    Parameters
+    ----------
+    path
+        The table.
+
+    Attributes
+    ----------
+    rows
+        How many rows it has.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import pyarrow.parquet as pq
+
+        self._file = pq.ParquetFile(path, pre_buffer=False)
+        metadata = self._file.metadata
+        self.rows: int = metadata.num_rows
+        self._ends: list[int] = []
+        for group in range(metadata.num_row_groups):
+            self._ends.append((self._ends[-1] if self._ends else 0) + metadata.row_group(group).num_rows)
+
+    def read(self, first: int = 0, last: int | None = None, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return rows `first` up to and without `last` as a frame numbered from 0, all columns or only some.
+
+        Parameters
+        ----------
+        first, last
+            From 0 to the number of rows; `last` is that number if left out.
+        columns
+            Names, in the order wanted.
+        """
+        last = self.rows if last is None else last
+        starts = [0, *self._ends[:-1]]
+        groups = [k for k, end in enumerate(self._ends) if end > first and starts[k] < last]
+        table = self._file.read_row_groups(groups, columns=columns, use_threads=False)
+        begin = starts[groups[0]] if groups else 0
+        frame: pd.DataFrame = table.slice(first - begin, last - first).to_pandas(use_threads=False)
+        return frame
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+@contextmanager
+def table_reader(path: Path) -> Iterator[TableReader]:
+    """Give a reader of the Parquet table `path`."""
+    reader = TableReader(path)
+    try:
+        yield reader
+    finally:
+        reader.close()
 
 
 def read_metadata(path: Path) -> dict[str, str]:
