@@ -16,7 +16,18 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pipeline.estimate import smoother
-from pipeline.estimate.force import HULL_TIME, PARAMETERS, PITCH, SPEED, Adjusted, Craft, Path, linearise, path
+from pipeline.estimate.force import (
+    BUOYANCY,
+    HULL_TIME,
+    PARAMETERS,
+    PITCH,
+    SPEED,
+    Adjusted,
+    Craft,
+    Path,
+    linearise,
+    path,
+)
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import noise_from
 from pipeline.estimate.series import Series
@@ -30,8 +41,11 @@ HUBER = 3.0
 STEPS, STILL = 15, 1e-3
 #: Steps after which the noise levels are searched.
 SEARCHES = (2, 5)
-#: A prior is quadratic within this many 1-sigma and linear beyond: contradicted by the data it gives way.
+#: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
+#: not as believed, and contradicted by the data it gives way.
 YIELDING = 1.0
+#: A value this many 1-sigma from what was known before contradicts it.
+CONTRADICTED = 2.0
 #: The data are said to determine a parameter when its 1-sigma falls below this share of what it was.
 DETERMINED = 0.5
 #: Noise levels found by likelihood, with the 1-sigma of the logarithm.
@@ -72,7 +86,7 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
     names = [name for name in ADJUSTED if (name != "thrust" or powered) and craft.std[PARAMETERS.index(name)] > 0.0]
     free = np.array([name in names for name in PARAMETERS])
     paths = list(paths)
-    converged = False
+    converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
         normal = _Normal(np.zeros((free.size, free.size)), np.zeros(free.size), 0.0)
         for i, stretch in enumerate(stretches):
@@ -80,15 +94,17 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
             normal = _summed(normal, _normal(problem, stretch.series))
             paths[i] = _smoothed(problem, stretch.series)
         matrix, gradient = _with_prior(normal, craft)
-        change = -np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
-        change *= min(1.0, 2.0 / max(float(np.max(np.abs(change), initial=0.0)), 1e-9))
-        value = craft.value.copy()
-        value[free] += change * craft.std[free]
+        change = _step(matrix, gradient, free, -craft.value[HULL_TIME] / max(craft.std[HULL_TIME], 1e-9))
+        if change @ last < -0.5 * float(np.linalg.norm(change) * np.linalg.norm(last)):
+            share *= 0.5  # turned back: the cost bends more than its Gauss–Newton approximation
+        last = change
+        change = change * min(share, 2.0 / max(float(np.max(np.abs(change))), 1e-9))
+        value = craft.value + change * craft.std
         value[HULL_TIME] = max(value[HULL_TIME], 0.0)
         craft = craft._replace(value=value)
         if step in SEARCHES:
             settings = _likeliest(stretches, craft, settings, paths, speed=speed)
-        elif np.max(np.abs(change), initial=0.0) < STILL and step > SEARCHES[-1]:
+        elif np.max(np.abs(change)) < STILL and step > SEARCHES[-1]:
             converged = True
             break
     columns = _root(matrix, free) * craft.std[:, None]
@@ -114,8 +130,21 @@ def _with_prior(normal: _Normal, craft: Craft) -> tuple[np.ndarray, np.ndarray]:
     """Return matrix and gradient with the prior's; `linearise` gives columns per 1-sigma, and so are these."""
     known = craft.std > 0.0
     departure = np.where(known, (craft.value - craft.centre) / np.where(known, craft.std, 1.0), 0.0)
-    weight = np.minimum(1.0, YIELDING / np.maximum(np.abs(departure), 1e-9))
+    weight = np.ones(known.size)
+    weight[BUOYANCY] = min(1.0, YIELDING / max(abs(departure[BUOYANCY]), 1e-9))
     return normal.matrix + np.diag(weight), normal.vector + weight * departure
+
+
+def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: float) -> np.ndarray:
+    """Return the Newton step of the free parameters, shape (c,); that of the hull's time is no lower than `least`."""
+    step = np.zeros(free.size)
+    step[free] = -np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
+    if free[HULL_TIME] and step[HULL_TIME] < least:
+        others = free & (np.arange(free.size) != HULL_TIME)
+        pull = gradient[others] + matrix[others, HULL_TIME] * least
+        step[others] = -np.linalg.solve(matrix[np.ix_(others, others)], pull)
+        step[HULL_TIME] = least
+    return step
 
 
 def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -169,8 +198,11 @@ def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool
     for i, name in enumerate(PARAMETERS):
         if craft.std[i] <= 0.0:
             continue
+        departure = abs(craft.value[i] - craft.centre[i]) / craft.std[i]
         if not free[i]:
             verdict = "considered: depth rate alone does not tell it from the others"
+        elif departure > CONTRADICTED:
+            verdict = f"contradicts what was known before, by {departure:.1f} sigma"
         elif after[i] < DETERMINED * craft.std[i]:
             verdict = "determined"
         else:

@@ -41,7 +41,9 @@ PARAMETERS = (
     "thrust",  # relative
     "hull_time",  # s, in which the hull takes on the temperature of the water
 )
-BIAS, EXPANSION, HULL_TIME = (PARAMETERS.index(name) for name in ("pitch", "thermal_expansion", "hull_time"))
+BIAS, BUOYANCY, EXPANSION, HULL_TIME = (
+    PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "hull_time")
+)
 #: Bounds of the path: V [m/s], θ [rad], q [rad/s].
 LEAST, MOST, STEEPEST, TURNING = 0.02, 4.0, 1.5, 0.2
 #: Below this speed (m/s) the lift balance is not asked for α, and α is at most this (rad): beyond, flow is separated.
@@ -90,7 +92,8 @@ def _attack(
         alpha -= value / slope
     if abs(alpha) >= STALLED or v < SLOW:
         return min(max(alpha, -STALLED), STALLED), 0.0, 0.0, 0.0
-    by_v = (2.0 * lift / speed - inertia * q) * cos_a + (2.0 * drag / speed) * sin_a
+    drag_by_v = (2.0 * drag + polar.drag_exponent * square * drag_0) / speed
+    by_v = (2.0 * lift / speed - inertia * q) * cos_a + drag_by_v * sin_a
     return alpha, -by_v / slope, force * sin_t / slope, -1.0 / slope
 
 
@@ -306,9 +309,7 @@ def linearise(
     m, s, c = series.time.size, settings, len(PARAMETERS)
     n, p = LOAD + 1, 3
     mixed = np.diag(craft.std) if columns is None else columns
-    lag = craft.value[HULL_TIME]
-    expansion = craft.expansion + craft.value[EXPANSION]
-    force = with_thermal_lag(force, series.time, expansion, lag)
+    force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
     noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
     _fill(
@@ -453,6 +454,7 @@ def _flight(solution: Solution, alphas: np.ndarray) -> Flight:
     change_alpha = by_v[:, None] * mean[:, SPEED, 1:] + by_t[:, None] * mean[:, PITCH, 1:] + alphas[:, 3:]
     across = by_v * P[:, SPEED, PITCH] + by_t * P[:, PITCH, PITCH]
     var_alpha = by_v**2 * P[:, SPEED, SPEED] + by_t * (across + by_v * P[:, SPEED, PITCH])
+    var_alpha = np.where((by_v == 0.0) & (by_t == 0.0), STALLED**2, var_alpha)  # separated flow: anything
     pitch = mean[:, PITCH, 0]
     rows = (
         (mean[:, SPEED, 0], P[:, SPEED, SPEED], mean[:, SPEED, 1:]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import gsw
@@ -79,7 +80,9 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
     )
 
 
-def with_thermal_lag(force: Forcing, time: np.ndarray, expansion: float, constant: float) -> Forcing:
+def with_thermal_lag(
+    force: Forcing, time: np.ndarray, expansion: float, constant: float, change: float = 0.0
+) -> Forcing:
     """Return `force` for a hull that takes on the water's temperature with a time constant.
 
     Parameters
@@ -89,26 +92,31 @@ def with_thermal_lag(force: Forcing, time: np.ndarray, expansion: float, constan
     time
         s, shape (m,).
     expansion
-        Thermal expansion of the hull, 1/K.
+        Thermal expansion of the hull that `force` was made with, 1/K.
     constant
         Time constant, s.
+    change
+        What the thermal expansion is more than that by now, 1/K; it enters `by_time` alone.
     """
     late = lagged(time, force.by_expansion, constant)
     later = lagged(time, force.by_expansion, constant + 1.0)
     return force._replace(
         net_buoyancy=force.net_buoyancy + expansion * (late - force.by_expansion),
         by_expansion=late,
-        by_time=expansion * (later - late),
+        by_time=(expansion + change) * (later - late),
     )
 
 
 @njit(cache=True, nogil=True)
 def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
-    """Return `value` as seen by a first-order lag with this time constant, s; shapes (m,)."""
+    """Return `value`, linear between instants, as seen by a first-order lag with this constant, s; shapes (m,)."""
     late = value.copy()
     for k in range(1, time.size):
-        kept = np.exp(-(time[k] - time[k - 1]) / constant) if constant > 0.0 else 0.0
-        late[k] = kept * late[k - 1] + (1.0 - kept) * value[k]
+        dt = time[k] - time[k - 1]
+        if constant > 0.0:
+            gone = -math.expm1(-dt / constant)
+            behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
+            late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
     return late
 
 
