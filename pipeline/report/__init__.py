@@ -60,7 +60,9 @@ def build(inputs: Inputs) -> tuple[dict[str, Any], str]:
     pictures = {
         "answer": figures.answer(summary["parts"]),
         "water": timeline.water_column(inputs.records, inputs.estimates),
-        "flight": timeline.flight(inputs.records, inputs.estimates, inputs.blocks, inputs.predictions, inputs.stored),
+        "flight": timeline.flight(
+            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
+        ),
         "curves": figures.curves(inputs.blocks, inputs.vehicle, page.gps_of(summary)),
         "agreement": figures.agreement(comparison),
         "fit": figures.fitted(summary["fit"]),

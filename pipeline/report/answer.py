@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.adjustment import amount
+
 #: |E|/u_val beyond which a difference is called significant.
 SIGNIFICANT = 2.0
 
@@ -24,6 +26,9 @@ def answer(summary: Mapping[str, Any]) -> dict[str, Any]:
         if part["measured_reason"]
     ]
     more += _even_words(summary["comparison"]["even_odd"])
+    more += _sensor_words(summary["consistency"])
+    if any(row["significant"] for row in summary["compatibility"]["quantities"]):
+        more.append(f"Do the instruments agree? {summary['compatibility']['sentence']}")
     more += [_fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]
     return {"sentence": sentence, "more": more}
 
@@ -79,6 +84,18 @@ def _even_words(rows: list[dict[str, Any]]) -> list[str]:
     return out
 
 
+def _sensor_words(rows: list[dict[str, Any]]) -> list[str]:
+    """Return how well each estimate meets a speed sensor that it has not seen."""
+    words = [
+        f"the {row['method']} estimate has a bias of {100 * row['sensor']['bias']:+.2f} cm/s and an RMSE of "
+        f"{100 * row['sensor']['rmse']:.2f} cm/s, and its 95 % interval covers {100 * row['sensor']['coverage95']:.0f} "
+        f"% of {row['sensor']['n']} instants".replace("-", "−")
+        for row in rows
+        if row["sensor"]
+    ]
+    return [f"Against the speed sensor, which was held out, {'; '.join(words)}."] if words else []
+
+
 def _fit_words(fitted: Mapping[str, Any]) -> str:
     """Return what the fit says, as a sentence."""
     if fitted["reason"]:
@@ -86,7 +103,7 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     words = []
     for item in fitted["parameters"]:
         share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
-        value = f"{item['symbol']} = {_rounded(item['value'], item['std'])} {item['unit']}{share}"
+        value = f"{item['symbol']} = {amount(item['value'], item['std'])} {item['unit']}{share}"
         words.append(f"{value.replace('-', '−')}, {item['verdict']}")
     sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
     strained = [item for item in fitted["borrowed"] if item["verdict"] == "contradicts its prior"]
@@ -94,9 +111,3 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
         pulls = ", ".join(f"{item['symbol']} by {abs(item['pull_std']):.1f}σ" for item in strained)
         sentence += f" It strains what it borrowed ({pulls}): the theory's shape does not fit these data."
     return sentence
-
-
-def _rounded(value: float, std: float) -> str:
-    """Return value ± 1-sigma with two digits of the latter."""
-    decimals = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 3
-    return f"{value:+.{decimals}f} ± {std:.{decimals}f}"

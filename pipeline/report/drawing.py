@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 #: One colour per thing throughout, safe for the colour-blind (Okabe & Ito 2008).
 MEASURED, HELD, FREE, SENSOR, STORED = "#0072b2", "#d55e00", "#b0578d", "#009e73", "#b8860b"
+FORCE = "#7a3300"
 INK, FAINT, VOID, PAPER = "#1f2933", "#d5dbe1", "#8b97a3", "#fefefe"
 
 #: What a colour is called in the page's style sheet, which has other shades of it for a dark screen.
@@ -30,6 +31,7 @@ VARIABLES = {
     FREE: "free",
     SENSOR: "sensor",
     STORED: "stored",
+    FORCE: "force",
     INK: "ink",
     FAINT: "faint",
     VOID: "void",

@@ -14,6 +14,7 @@ CITATIONS = [
     "Belsley, D. A., Kuh, E., Welsch, R. E. (1980). Regression Diagnostics. doi:10.1002/0471725153",
     "Eriksen, C. C. et al. (2001). Seaglider: a long-range autonomous underwater vehicle for oceanographic research. "
     "IEEE J. Ocean. Eng. 26(4), 424–436. doi:10.1109/48.972073",
+    "Maine, R. E., Iliff, K. W. (1985). Identification of Dynamic Systems: Theory and Formulation. NASA RP-1138.",
     "McDougall, T. J., Barker, P. M. (2011). Getting started with TEOS-10 and the Gibbs Seawater (GSW) Oceanographic "
     "Toolbox. SCOR/IAPSO WG127.",
     "Merckelbach, L., Smeed, D., Griffiths, G. (2010). Vertical water velocities from underwater gliders. J. Atmos. "
@@ -22,6 +23,8 @@ CITATIONS = [
     "glider. China Ocean Eng. 31(5), 528–538. doi:10.1007/s13344-017-0061-y",
     "Rauch, H. E., Tung, F., Striebel, C. T. (1965). Maximum likelihood estimates of linear dynamic systems. AIAA J. "
     "3(8), 1445–1450. doi:10.2514/3.3166",
+    "Schmidt, S. F. (1966). Application of state-space methods to navigation problems. Advances in Control Systems 3, "
+    "293–340. doi:10.1016/B978-1-4831-6716-9.50011-4",
 ]
 
 
@@ -37,6 +40,11 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
         "Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
         "volume, engine volume and the measured density.",
     ]
+    if len(inputs.force):
+        out.append(
+            "The force estimate takes the same as theory, adjusted to the depth rate; it is shown beside the measured "
+            "side and is never compared with theory."
+        )
     correction = mission.pitch
     if correction.scale != 1.0 or correction.offset_rad != 0.0:
         out.append(
@@ -74,6 +82,13 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
     )
     if gps:
         text += " In level flight under propeller the speed came from GPS fixes at the ends of submerged legs."
+    if len(inputs.force):
+        text += (
+            " A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, its "
+            "drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to the depth rate by the "
+            "filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were considered "
+            "(Schmidt, 1966)."
+        )
     if sensor_used:
         text += " The speed sensor entered the estimate."
     text += (

@@ -10,6 +10,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from pipeline.report.adjustment import amount
 from pipeline.report.drawing import Picture
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -63,7 +64,7 @@ def environment() -> Environment:
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    environment.filters |= {"number": number, "spread": spread, "svg": svg}
+    environment.filters |= {"number": number, "spread": spread, "svg": svg, "amount": amounts}
     return environment
 
 
@@ -82,6 +83,11 @@ def spread(value: Any, std: Any, digits: int = 3, *, sign: bool = False) -> str:
     text = number(value, digits, sign=sign)
     deviation = number(std, digits)
     return text if MISSING in (text, deviation) else f"{text} ± {deviation}"
+
+
+def amounts(value: Any, std: Any, *, sign: bool = False) -> str:
+    """Return value ± 1-sigma with two digits of the latter, a dash where there is none."""
+    return amount(value, std, sign=sign) if _known(value) and _known(std) else MISSING
 
 
 def svg(picture: Picture) -> Markup:

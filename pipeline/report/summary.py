@@ -11,8 +11,10 @@ import pandas as pd
 
 from pipeline.records import TRIMS, seconds, timestamps
 from pipeline.report import averages, compare, fit, methods, nominal, stored
+from pipeline.report.adjustment import adjustment
 from pipeline.report.answer import answer
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
+from pipeline.report.compatibility import compatibility
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
@@ -54,12 +56,14 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         settings=settings,
         sensor="speed sensor (ADCP)" if inputs.ingest.get("format") == "seaglider" else "speed sensor",
     )
+    data = _data(inputs.records)
     summary: dict[str, Any] = {
         "mission": mission.slug,
         "description": mission.description,
         "vehicle": _vehicle(inputs.vehicle),
         "format": inputs.ingest.get("format", ""),
-        "data": _data(inputs.records),
+        "data": data,
+        "compatibility": compatibility(inputs.estimate, sensor_used=sensor_used),
         "observability": _observability(inputs.estimates),
         "blocks": _blocks(blocks),
         "parts": trial,
@@ -72,6 +76,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
         "stored_model": model,
+        "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),
         "sensor": inputs.estimate.get("coverage"),
         "gps": inputs.estimate.get("gps"),
         "estimator": {"settings": settings, "consistency": inputs.estimate.get("consistency"), "used": used},
@@ -315,13 +320,16 @@ def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
         rows.append(row(f"speed, {part['name']}", measured, "m/s", spread, remark))
     for item in summary["fit"]["parameters"]:
         rows.append(row(item["symbol"], item["value"], item["unit"], item["std"], item["verdict"]))
-    sensor = summary["sensor"]
-    if isinstance(sensor, Mapping) and sensor.get("n"):
-        for name, key, unit, factor in (
-            ("RMSE against the speed sensor", "rmse", "cm/s", 100.0),
-            ("bias against the speed sensor", "bias", "cm/s", 100.0),
-            ("95 % interval covers", "coverage95", "%", 100.0),
+    for judged in summary["consistency"]:
+        sensor, method = judged["sensor"], judged["method"]
+        if not sensor:
+            continue
+        for name, key in (
+            ("RMSE against the speed sensor", "rmse"),
+            ("bias against the speed sensor", "bias"),
+            ("95 % interval covers", "coverage95"),
         ):
-            if isinstance(sensor.get(key), int | float):
-                rows.append(row(name, factor * sensor[key], unit, remark=f"{sensor['n']} samples, held out"))
+            unit = "%" if key == "coverage95" else "cm/s"
+            remark = f"{method} estimate, {sensor['n']} instants, held out"
+            rows.append(row(f"{name}, {method}", 100.0 * sensor[key], unit, remark=remark))
     return rows

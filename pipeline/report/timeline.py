@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,10 +15,12 @@ from matplotlib.colors import Colormap
 from pipeline.records import seconds, usable
 from pipeline.report.compare import floats
 from pipeline.report.drawing import (
+    FORCE,
     HELD,
     MEASURED,
     SENSOR,
     STORED,
+    VOID,
     WIDTH,
     Picture,
     canvas,
@@ -35,6 +37,26 @@ from pipeline.report.drawing import (
     with_gaps,
 )
 
+
+class Look(NamedTuple):
+    """How an estimate is drawn: colour, opacity of its band, height of its line over others, what it is called."""
+
+    colour: str
+    band: float
+    height: float
+    label: str
+    short: str
+
+
+KINEMATIC = Look(MEASURED, 0.22, 2.4, "measured (kinematic)", "measured")
+BY_FORCE = Look(FORCE, 0.16, 2.2, "theory, adjusted (force)", "adjusted")
+#: Panels of the figure of flight in words.
+WORDS = {
+    "alpha": "angle of attack",
+    "water": "vertical velocity of the water",
+    "engine": "buoyancy engine",
+    "propeller": "propeller speed",
+}
 #: Dives shown in the figure of flight, from the middle of the mission.
 SHOWN_DIVES = 3
 #: A mission no longer than this is shown whole, s.
@@ -118,18 +140,32 @@ def window(records: pd.DataFrame) -> tuple[float, float, str]:
 def flight(
     records: pd.DataFrame,
     estimates: pd.DataFrame,
+    force: pd.DataFrame,
     blocks: pd.DataFrame,
     predictions: pd.DataFrame,
     stored: pd.DataFrame | None,
 ) -> Picture | None:
-    """Return depth, pitch, speed and engines against time, as Figs. 13 and 14 of the paper; None without records."""
+    """Return depth, pitch, engines and what was estimated against time, as Figs. 13 and 14 of the paper.
+
+    Parameters
+    ----------
+    records
+        Canonical records; None is returned without.
+    estimates, force
+        Estimates by the kinematic and by the force method; the latter may be empty.
+    blocks, predictions
+        Theory of each steady block.
+    stored
+        The vehicle's own solution, or None.
+    """
     if records.empty or estimates.empty:
         return None
     begin, end, shown = window(records)
-    part, guess = _between(records, begin, end), _between(estimates, begin, end)
-    time, t_guess = seconds(part["time"]), seconds(guess["time"])
+    part = _between(records, begin, end)
+    guesses = [(look, _between(table, begin, end)) for look, table in ((KINEMATIC, estimates), (BY_FORCE, force))]
+    time = seconds(part["time"])
     hours, unit = clock(time, begin)
-    panels = ["depth", "pitch", "speed"]
+    panels = ["depth", "pitch", "speed", "alpha", "water"]
     if np.isfinite(floats(part, "buoyancy_volume")).any():
         panels.append("engine")
     if (np.nan_to_num(floats(part, "propeller_speed")) > 0).any():
@@ -147,44 +183,79 @@ def flight(
                 values = np.where(
                     usable(part, "pressure" if column == "depth" else column), floats(part, column), np.nan
                 )
-                look: dict[str, Any] = {"drawstyle": "steps-post"} if name in ("engine", "propeller") else {}
+                steps: dict[str, Any] = {"drawstyle": "steps-post"} if name in ("engine", "propeller") else {}
                 axes[name].plot(
-                    *thin(*with_gaps(hours, factor * values, _gap(unit))), color=MEASURED, linewidth=1.0, **look
+                    *thin(*with_gaps(hours, factor * values, _gap(unit))), color=MEASURED, linewidth=1.0, **steps
                 )
                 axes[name].set_ylabel(label)
         axes["depth"].invert_yaxis()
-        _speed_panel(axes["speed"], guess, part, blocks, predictions, stored, (begin, end), unit)
-        lost = ~guess["observable"].to_numpy(dtype=bool)
-        stretches = spans(clock(t_guess, begin)[0], lost, least=scale(unit) * 10.0)
-        shade(axes["speed"], stretches[:500], "speed not observable")
+        _speed_panel(axes["speed"], guesses, part, blocks, predictions, stored, (begin, end), unit)
+        for name, column, factor, label in (
+            ("alpha", "angle_of_attack", 180.0 / np.pi, "angle of\nattack, °"),
+            ("water", "vertical_water_velocity", 100.0, "water, up,\ncm/s"),
+        ):
+            for look, table in guesses:
+                _estimated(axes[name], table, column, factor, look, begin, unit)
+            axes[name].axhline(0.0, color=VOID, linewidth=0.6)
+            axes[name].set_ylabel(label)
+            reach = 1.3 * max(_reach(table, column, factor, 90.0, sigmas=2.0) for _, table in guesses) or 1.0
+            axes[name].set_ylim(-reach, reach)
+        lost = ~guesses[0][1]["observable"].to_numpy(dtype=bool)
+        stretches = spans(clock(seconds(guesses[0][1]["time"]), begin)[0], lost, least=scale(unit) * 10.0)
+        shade(axes["speed"], stretches[:500], "speed not observable (kinematic)")
         if axes["speed"].get_legend_handles_labels()[0]:
             axes["speed"].legend(
-                loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.2, columnspacing=1.4
+                loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4
             )
         axes[panels[-1]].set_xlabel(since(begin, unit))
         axes[panels[-1]].margins(x=0.01)
         figure.align_ylabels(list(axes.values()))
         svg = render(figure, "flight")
     share = float(lost.mean()) if lost.size else 0.0
-    words = {"engine": "buoyancy engine", "propeller": "propeller speed"}
+    both = ""
+    if len(force):
+        both = (
+            " Brown: theory with the parameters adjusted to the depth rate (the force estimate), which borrows net "
+            "buoyancy, thrust and all coefficients."
+        )
     return Picture(
         "flight",
         svg,
-        f"{', '.join(words.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
-        f"observable in {100 * share:.0f} % of the samples.",
-        f"Measured (blue) against time for {shown}: depth, pitch and engines as logged, speed by the kinematic "
-        "estimate with its 2σ band. Orange: theory of each steady block with the measured pitch held. Hatched: the "
-        "data do not determine the speed there, so none is given.",
+        f"{', '.join(WORDS.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
+        f"observable by the kinematic estimate in {100 * share:.0f} % of the samples.",
+        f"Measured (blue) against time for {shown}: depth, pitch and engines as logged; speed, angle of attack and "
+        "vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift to drag alone."
+        f"{both} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
+        "held. Hatched: depth and pitch do not determine the speed there, so the kinematic estimate gives none.",
     )
 
 
 def _heights(panels: Sequence[str]) -> list[float]:
-    return [2.2 if panel == "speed" else 1.3 if panel in ("depth", "pitch") else 0.8 for panel in panels]
+    return [2.2 if panel == "speed" else 0.8 if panel in ("engine", "propeller") else 1.3 for panel in panels]
+
+
+def _estimated(
+    axes: Axes, table: pd.DataFrame, column: str, factor: float, look: Look, begin: float, unit: str
+) -> None:
+    """Draw one estimated quantity with its 2-sigma band, if it is known anywhere."""
+    value, std = factor * floats(table, column), factor * floats(table, f"{column}_std")
+    if not np.isfinite(value).any():
+        return
+    hours = clock(seconds(table["time"]), begin, unit)[0]
+    axes.fill_between(*envelope(hours, value - 2 * std, value + 2 * std), color=look.colour, alpha=look.band,
+                      linewidth=0, label=f"2σ, {look.short}")  # fmt: skip
+    axes.plot(*thin(hours, value), color=look.colour, linewidth=1.0, zorder=look.height, label=look.label)
+
+
+def _reach(table: pd.DataFrame, column: str, factor: float, percent: float, *, sigmas: float = 0.0) -> float:
+    """Return what the size of a quantity and so many 1-sigma stay below in that share of the samples, 0 if unknown."""
+    size = factor * (np.abs(floats(table, column)) + sigmas * floats(table, f"{column}_std"))
+    return float(np.nanpercentile(size, percent)) if np.isfinite(size).any() else 0.0
 
 
 def _speed_panel(
     axes: Axes,
-    estimates: pd.DataFrame,
+    guesses: Sequence[tuple[Look, pd.DataFrame]],
     records: pd.DataFrame,
     blocks: pd.DataFrame,
     predictions: pd.DataFrame,
@@ -193,11 +264,9 @@ def _speed_panel(
     unit: str,
 ) -> None:
     begin, end = bounds
-    hours, _unit = clock(seconds(estimates["time"]), begin, unit)
-    speed, std = floats(estimates, "speed"), floats(estimates, "speed_std")
     sensed = np.where(usable(records, "speed_through_water"), floats(records, "speed_through_water"), np.nan)
-    tops = [np.nanpercentile(values, 99) for values in (speed, sensed) if np.isfinite(values).any()]
-    if np.isfinite(sensed).any():
+    tops = [float(np.nanpercentile(sensed, 99))] if np.isfinite(sensed).any() else []
+    if tops:
         own_clock = clock(seconds(records["time"]), begin, unit)[0]
         good = np.isfinite(sensed)
         step = max(1, int(good.sum() / POINTS * 4))
@@ -208,11 +277,12 @@ def _speed_panel(
         own_clock = clock(seconds(own["time"]), begin, unit)[0]
         axes.plot(*thin(*with_gaps(own_clock, floats(own, "speed"), 2.0 * _gap(unit))), color=STORED, linewidth=0.9,
                   label="stored model")  # fmt: skip
-    if np.isfinite(speed).any():
-        axes.fill_between(*envelope(hours, speed - 2 * std, speed + 2 * std), color=MEASURED, alpha=0.22, linewidth=0,
-                          label="2σ")  # fmt: skip
-        axes.plot(*thin(hours, speed), color=MEASURED, linewidth=1.0, label="measured")
-    else:
+    for look, table in guesses:
+        _estimated(axes, table, "speed", 1.0, look, begin, unit)
+    reached = [_reach(table, "speed", 1.0, 99.0) for _, table in guesses]
+    tops += [top for top in reached if top]
+    if not any(reached):
+        estimates = guesses[0][1]
         reasons = estimates.loc[~estimates["observable"].to_numpy(dtype=bool), "reason"]
         message(axes, f"speed not observable: {reasons.mode().iloc[0] if len(reasons) else 'no estimate'}")
     held = predictions[(predictions["trim"] == "pitch") & np.isfinite(floats(predictions, "speed"))]

@@ -1,10 +1,13 @@
 """What the tests of the report share."""
 
 import math
+from typing import Any
 
 import pytest
+from pages import complete
 
 from pipeline.mission import Mission
+from pipeline.report import build
 from pipeline.vehicle import Coefficient, Vehicle, load
 
 
@@ -35,3 +38,9 @@ def unknown(petrel: Vehicle) -> Vehicle:
 @pytest.fixture
 def mission() -> Mission:
     return Mission(vehicle="petrel-ii", name="synthetic")
+
+
+@pytest.fixture(scope="session")
+def built(petrel: Vehicle) -> tuple[dict[str, Any], str]:
+    """Summary and page of a mission that has everything."""
+    return build(complete(petrel))

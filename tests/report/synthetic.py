@@ -173,6 +173,7 @@ def inputs(
     observable: bool = True,
     stored: pd.DataFrame | None = None,
     estimate: dict[str, Any] | None = None,
+    force: bool = False,
     findings: tuple[dict[str, str], ...] = (),
 ) -> Inputs:
     """Return what the earlier stages would hand over for the steady blocks `table`."""
@@ -196,7 +197,7 @@ def inputs(
         vehicle=vehicle,
         records=records,
         estimates=conform(estimates, ESTIMATES),
-        force=conform(estimates.iloc[:0], ESTIMATES),
+        force=_by_force(records) if force else conform(estimates.iloc[:0], ESTIMATES),
         blocks=table,
         predictions=predict(vehicle, table),
         stored=stored,
@@ -211,6 +212,14 @@ def inputs(
             }
         },
     )
+
+
+def _by_force(records: pd.DataFrame) -> pd.DataFrame:
+    """Return estimates by the force method, known everywhere."""
+    values = {"speed": 0.58, "speed_std": 0.01, "angle_of_attack": 0.02, "angle_of_attack_std": 0.005,
+              "vertical_water_velocity": 0.01, "vertical_water_velocity_std": 0.004}  # fmt: skip
+    frame = records[["time", "dive", "pitch", "depth"]].assign(method="force", observable=True, reason="", **values)
+    return conform(frame, ESTIMATES)
 
 
 def _records(table: pd.DataFrame) -> pd.DataFrame:

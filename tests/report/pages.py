@@ -1,0 +1,160 @@
+"""Pages to look at: a parser of them, and the inputs of a mission that has everything."""
+
+from html.parser import HTMLParser
+
+from synthetic import blocks, inputs, stored_model
+
+from pipeline.mission import Mission
+
+VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "image", "rect", "circle", "line"}
+
+
+class Page(HTMLParser):
+    """Collects what a page loads, its headings and identifiers, and whether its tags close."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+        self.headings: list[int] = []
+        self.identifiers: list[str] = []
+        self.figures: list[str] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "figure":
+            self.figures.append("")
+        if tag == "svg" and "figure" in self.open:
+            self.figures[-1] = (found.get("role") == "img" and found.get("aria-label")) or ""
+        if tag in ("h1", "h2", "h3"):
+            self.headings.append(int(tag[1]))
+        if "id" in found:
+            self.identifiers.append(found["id"])
+        if tag != "a":
+            self.loads += [value for key, value in attributes if key in ("src", "href", "xlink:href") and value]
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"script", "style"} & set(self.open):
+            self.text.append(data)
+
+    @property
+    def words(self) -> str:
+        return " ".join(" ".join(self.text).split())
+
+
+def consistent(*, off=False):
+    """Return a consistency report; if `off`, of an estimate that is not consistent, and without a pitch sensor."""
+    words = "41 % larger than predicted" if off else "as large as predicted"
+    seen = {
+        "n": 4321, "nis": 1.991 if off else 1.004, "low": 0.958, "high": 1.043, "n_effective": 2987.6,
+        "low_effective": 0.949, "high_effective": 1.051, "verdict": words, "lags": 20,
+        "ljung_box": 812.4 if off else 21.7, "p": 0.0 if off else 0.357,
+        "greatest_correlation": 0.314 if off else -0.022, "greatest_lag": 7,
+        "whiteness": "correlated" if off else "white", "reason": "",
+    }  # fmt: skip
+    ahead = {
+        "n": 71, "rms_error": 0.137, "predicted_rms": 0.131, "normalised": 1.09, "low": 0.698, "high": 1.356,
+        "coverage95": 0.9437, "verdict": "as large as predicted", "reason": "",
+    }  # fmt: skip
+    reason = "0 measurements in steady flight; at least 30 are needed"
+    pitch = dict.fromkeys(seen) | {"n": 0, "verdict": reason, "whiteness": reason, "reason": reason} if off else seen
+    return {
+        "innovations": [{"instrument": "depth", **seen}, {"instrument": "pitch", **pitch}],
+        "predictions": [
+            {"instrument": "depth", "unit": "m", "steps": 1, **ahead},
+            {
+                "instrument": "pitch",
+                "unit": "deg",
+                "steps": 60,
+                **dict.fromkeys(ahead),
+                "n": 3,
+                "reason": "3 stretches",
+            },
+        ],
+        "sensor": {"n": 931, "bias": 0.0038, "rmse": 0.0157, "coverage95": 0.961}
+        if off
+        else {"n": 877, "bias": -0.0042, "rmse": 0.0123, "coverage95": 0.934},
+        "sentence": "It is not quite consistent: innovations of depth are 41 % larger than predicted."
+        if off
+        else "It is consistent: its errors are as large as it predicts, within 10 %.",
+    }
+
+
+def agreeing(**changes):
+    """Return a compatibility report; each of `changes` replaces part of an entry."""
+    plain = {"value": None, "std": None, "unit": "1", "significant": False, "applied": False, "reason": "none"}
+    why = "needs a speed sensor that may be used"
+    entries = {
+        "outliers": {"value": 0, "reason": "none found",
+                     "instruments": {name: {"count": 0, "first": []} for name in ("depth", "pitch", "speed")}},
+        "clock_offset": {"value": -0.41, "std": 0.93, "unit": "s", "reason": "within"},
+        "pressure_lag": {"unit": "s", "reason": "told by nothing"},
+        "pressure_offset": {"value": 0.118, "std": 0.306, "unit": "dbar"},
+        "pitch_bias": {"unit": "rad", "reason": why},
+        "pitch_scale": {"reason": why},
+    }  # fmt: skip
+    return {name: plain | entry | changes.get(name, {}) for name, entry in entries.items()}
+
+
+def adjusted(**changes):
+    """Return the report on a force estimate; each of `changes` replaces part of a parameter's entry."""
+    never = "considered: depth rate alone does not tell it from the others"
+    entries = {
+        "pitch": (0.0, 0.005236, 0.0, 0.005236, never),
+        "parasite_drag": (-0.0284, 0.0367, 0.0, 0.1, "determined"),
+        "lift_slope": (0.0, 0.25, 0.0, 0.25, never),
+        "net_buoyancy": (-0.8142, 0.0905, 0.0, 0.3, "determined"),
+        "compressibility": (5.2e-11, 9.9e-11, 0.0, 1e-10, "not determined by these data: mostly as before the mission"),
+        "thermal_expansion": (5.41e-5, 9.3e-6, 0.0, 1e-5, "contradicts what was known before, by 5.4 sigma"),
+        "hull_time": (241.0, 36.5, 150.0, 150.0, "determined"),
+    }
+    keys = ("value", "std", "before", "std_before", "verdict")
+    parameters = {name: dict(zip(keys, entry, strict=True)) | changes.get(name, {}) for name, entry in entries.items()}
+    settings = {"sigma_w": 0.0034, "tau_w": 504.0, "depth_noise": 0.0199, "pitch_noise": 0.00289, "swell": 4e-6,
+                "force_drift": 9e-6, "load": 0.115}  # fmt: skip
+    return {"reason": "", "parameters": parameters, "converged": True, "observable_share": 0.9,
+            "reasons": {"at the surface": 80, "stalled": 20}, "settings": settings}  # fmt: skip
+
+
+def complete(petrel):
+    """Return the inputs of a mission that has everything."""
+    table = blocks(dives=6, sensor=True, extra_drag=1.0)
+    return inputs(
+        Mission(vehicle="petrel-ii", name="complete", description="All there is, & more <than> that."),
+        petrel,
+        table,
+        stored=stored_model(table, 0.76),
+        force=True,
+        estimate={
+            "coverage": consistent()["sensor"],
+            "compatibility": agreeing(clock_offset={"value": -1.481, "std": 0.471, "significant": True}),
+            "force": adjusted(),
+            "consistency": {"kinematic": consistent(), "force": consistent(off=True)},
+            "gps": {
+                "legs": [{"heading_deg": 90.0, "displacement_m": 700.0, "duration_s": 1000.0, "speed": None,
+                          "speed_std": None, "current_east": 0.1, "current_north": 0.0}],
+                "speed": None, "speed_std": None,
+            },
+        },
+        findings=({"severity": "warning", "file": "ctd.csv", "where": "row 7", "found": "a <spike>", "expected": "none",
+                   "remedy": "left out"},),
+    )  # fmt: skip
+
+
+def section(text, name):
+    """Return the words of one section of a page."""
+    return Page(text[text.index(f'<section id="{name}">') : text.index("</section>", text.index(f'id="{name}"'))]).words
