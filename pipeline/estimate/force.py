@@ -365,7 +365,8 @@ def path(series: Series, speed: np.ndarray, pitch: np.ndarray) -> Path:
     """Return the path through V and θ, shape (m,) each, with the pitch rate that they have."""
     if series.time.size < 2:
         return Path(speed, pitch, np.zeros_like(pitch))
-    rate = np.gradient(pitch, np.maximum.accumulate(series.time + 1e-3 * np.arange(series.time.size)))
+    least = 1e-3 * np.arange(series.time.size)
+    rate = np.gradient(pitch, np.maximum.accumulate(series.time - least) + least)
     return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), np.clip(rate, -TURNING, TURNING))
 
 
@@ -466,4 +467,6 @@ def _flight(solution: Solution, alphas: np.ndarray) -> Flight:
     )
     state = np.stack([row[0] for row in rows])
     std = np.sqrt(np.stack([np.maximum(row[1], 0.0) + np.sum(row[2] ** 2, axis=1) for row in rows]))
+    beyond = (state[0] < LEAST) | (state[0] > MOST)  # where the path was not followed, nothing is known of V
+    std[0] = np.where(beyond, MOST + np.abs(state[0]), std[0])
     return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(alpha.size, dtype=bool))

@@ -77,6 +77,8 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
     """
     sources = Sources(mission.speed_sensor == "use", fixes)
     settings = noise_from(series)
+    if any(math.isnan(value) for value in vehicle.polar):
+        return Model(vehicle.polar, *_considered(vehicle, mission), settings, sources, solve)
     at, _ = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, 2)
     settings = likeliest(series, vehicle.polar, settings, at, sources.speed)
     return Model(vehicle.polar, *_considered(vehicle, mission), settings, sources, solve)

@@ -33,6 +33,7 @@ def verdict(
     reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
     reason[weak & ~steady] = "near level: depth carries no speed"
     reason[level & (weak | depth_alone)] = "powered and near level: depth carries no speed and no fixes determine it"
+    reason[np.isnan(speed)] = "lift and drag of the vehicle are not known"
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
     reason[series.surfaced] = "at the surface"
     return reason
