@@ -168,6 +168,7 @@ def _fill(
                 by_turn = min(max(by_turn, -STEEPEST_TURN), STEEPEST_TURN)
                 turned = by_turn * (at.pitch[k + 1] - at.pitch[k])
                 q_v += (s.pitch_share * by_turn * v) ** 2 * s.pitch_drift
+            q_v *= s.unsteadiness
         q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
         sigma_s, tau_s = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
         if powered:
@@ -181,6 +182,8 @@ def _fill(
         phi_s = math.exp(-dt / tau_s)
         w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
         s_weight, s_var, s_cov, s_int = integrated(sigma_s, tau_s, dt, phi_s)
+        if surfaced:  # afloat, neither flight nor water moves it up and down
+            rate, z_v, z_t, z_s, w_weight, w_cov, w_int = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         d, q, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
         d[:] = 1.0
         d[WATER], d[SLIP] = phi_w, phi_s
@@ -203,7 +206,9 @@ def _fill(
             along = (math.sin(course.heading[k]), math.cos(course.heading[k]))
             x_v = cosine - v * sine * turn_v
             x_t, x_s = -v * sine * turn_t, v * sine
-            forward = v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
+            if surfaced:
+                x_v, x_t, x_s = 0.0, 0.0, 0.0
+            forward = 0.0 if surfaced else v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
             for i in range(2):
                 F[2 + i, source], F[2 + i, PITCH] = along[i] * x_v * dt, along[i] * x_t * dt
                 F[2 + i, SLIP], F[2 + i, EAST + i], F[2 + i, CURRENT_EAST + i] = along[i] * x_s * dt, 1.0, dt
@@ -215,7 +220,7 @@ def _fill(
             q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
             if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
                 q[SPEED] = s.speed_drift_manoeuvre * dt
-        if not powered:
+        if not powered and not surfaced:
             for i in range(c):
                 change = change_of_glide(moved[i], v, pitch, alpha)
                 b[0, 2 + i] = v * cosine * change * dt

@@ -10,22 +10,28 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import smoother
 from pipeline.estimate.linearise import Sources, Trajectory, linearise
-from pipeline.estimate.series import Series, near
+from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 from pipeline.vehicle import Polar
 
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
-SEARCHED = {"sigma_w": 1.0, "tau_w": 0.7, "depth_noise": 1.0, "swell": 2.0, "stratification": 1.0}
-#: Flight this long (s) before and after a manoeuvre says nothing of σ of w_w: what is left of the manoeuvre looks alike.
-BEFORE, AFTER = 60.0, 120.0
+SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "unsteadiness": 1.0, "depth_noise": 1.0, "swell": 2.0}
+#: Median of σ of w_w (m/s) before the search.
+WATER = 0.015
+#: What is left of a manoeuvre looks like the water's motion: the search leaves out this much time (s) after one and
+#: before one, besides the margins of `Series`, but no more than this share of the flight between two.
+SETTLING, LEADING, SHARE = 75.0, 45.0, 0.25
+#: Noise is read off at least this many samples.
+FEWEST = 40
 #: The noise of depth (m) is not believed below this.
 QUIET = 0.005
 
 
 def noise_from(series: Series) -> Settings:
     """Return settings with the sensors' noise read off the high-frequency part of their own records."""
-    depth_noise, _ = _noise_and_drift(series.time, series.depth, ~series.manoeuvre)
-    pitch_noise, pitch_drift = _noise_and_drift(series.time, series.pitch, ~series.manoeuvre)
+    calm, usual = ~series.manoeuvre, Settings()
+    depth_noise, _ = _noise_and_drift(series.time, series.depth, calm, (usual.depth_noise, 0.0))
+    pitch_noise, pitch_drift = _noise_and_drift(series.time, series.pitch, calm, (usual.pitch_noise, usual.pitch_drift))
     return Settings(
         depth_noise=float(np.clip(depth_noise, 0.01, 1.0)),
         pitch_noise=float(np.clip(pitch_noise, np.radians(0.05), np.radians(2.0))),
@@ -34,13 +40,15 @@ def noise_from(series: Series) -> Settings:
 
 
 def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool) -> Settings:
-    """Return settings with σ and τ of w_w, swell and the noise of depth at the maximum of likelihood times prior.
+    """Return settings with w_w's σ and τ, V's unsteadiness, swell and depth noise at their most probable values.
 
-    How much of the slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So
-    σ of w_w is the root mean square over its posterior (log-normal, by the curvature at the maximum): what is not
-    known of it widens the intervals.
+    How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So the
+    variances are means over their posterior (log-normal, by the curvature at its maximum) in place of the values at
+    the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's unsteadiness. What is not known
+    of them widens the intervals.
     """
-    calm = replace(series, manoeuvre=near(series.time, series.manoeuvre, BEFORE, AFTER))
+    calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
+    settings = settings._replace(sigma_w=WATER)
     names = list(SEARCHED)
     median = np.log([getattr(settings, name) for name in names])
     spread = np.array(list(SEARCHED.values()))
@@ -54,13 +62,27 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
         cost, np.zeros(len(names)), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3}
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
-    found["sigma_w"] *= float(np.exp(_variance(cost, best.x)[0] * spread[0] ** 2))
+    spread_of = _covariance(cost, best.x) * np.outer(spread, spread)
+    found["sigma_w"] *= float(np.exp(spread_of[0, 0]))
+    found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
+    found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
     found["depth_noise"] = max(found["depth_noise"], QUIET)
     return settings._replace(**{name: float(f"{value:.3g}") for name, value in found.items()})  # more is not known
 
 
-def _variance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
-    """Return the variances of u by the curvature of `cost` at its minimum `at`; at most 1, that of the prior."""
+def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
+    """Return where steady flight has just begun or is about to end, boolean of shape (m,)."""
+    unsettled = np.zeros(time.size, dtype=bool)
+    bounds = np.flatnonzero(np.diff(~manoeuvre, prepend=False, append=False))
+    for first, last in zip(bounds[::2], bounds[1::2], strict=True):
+        clock = time[first:last]
+        most = SHARE * (clock[-1] - clock[0])
+        unsettled[first:last] = (clock - clock[0] < min(SETTLING, most)) | (clock[-1] - clock < min(LEADING, most))
+    return unsettled
+
+
+def _covariance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+    """Return the covariance of u by the curvature of `cost` at its minimum `at`; at most that of the prior, 1."""
     step, n = 0.2, at.size
     here = cost(at)
     unit = step * np.eye(n)
@@ -71,23 +93,27 @@ def _variance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray
         for j in range(i):
             curvature[i, j] = curvature[j, i] = cost(at + unit[i] + unit[j]) - ahead[i] - ahead[j] + here
     value, vector = np.linalg.eigh(curvature / step**2)
-    return np.asarray((vector**2) @ (1.0 / np.maximum(value, 1.0)))
+    return np.asarray((vector / np.maximum(value, 1.0)) @ vector.T)
 
 
-def _noise_and_drift(time: np.ndarray, value: np.ndarray, where: np.ndarray) -> tuple[float, float]:
+def _noise_and_drift(
+    time: np.ndarray, value: np.ndarray, where: np.ndarray, usual: tuple[float, float]
+) -> tuple[float, float]:
     """Return the 1-sigma of white noise and the random-walk intensity of a series with a linear trend.
 
-    From third differences (a cubic cancels; 20 σ² for white noise) and from second differences over eight samples,
-    both by their median absolute value.
+    From third differences (a cubic cancels) and from second differences over eight samples, both by their median
+    absolute value: white noise of variance r and a walk of q a sample give 20 r + 6 q and 6 r + 16 q. Of the samples
+    `where` flight is steady; of all if those are few; `usual` if all are few.
     """
     known = np.isfinite(value) & where
+    if known.sum() < FEWEST:
+        known = np.isfinite(value)
+    if known.sum() < FEWEST:
+        return usual
     x, t = value[known], time[known]
-    if x.size < 40:
-        return 0.0, 0.0
-    third = np.diff(x, 3)
-    noise = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0)
     lag = 8
-    bend = x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]
-    span = float(np.median(t[lag:] - t[:-lag]))
-    total = (float(np.median(np.abs(bend))) / 0.6745) ** 2
-    return noise, max(total - 6.0 * noise**2, 0.0) / max(2.0 * span, 1e-3)
+    short = (float(np.median(np.abs(np.diff(x, 3)))) / 0.6745) ** 2
+    long = (float(np.median(np.abs(x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]))) / 0.6745) ** 2
+    step = max(float(np.median(t[lag:] - t[:-lag])) / lag, 1e-3)
+    walk = max((20.0 * long - 6.0 * short) / (20.0 * 2.0 * lag - 36.0), 0.0)
+    return float(np.sqrt(max(short - 6.0 * walk, 0.0) / 20.0)), walk / step

@@ -20,6 +20,8 @@ PAUSE = 120.0
 LEVEL = np.radians(10.0)
 #: Margins (s) before and after a change within which flight is not steady: some time constants m/(2 K_D V).
 BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
+#: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
+BACKWARDS = 0.02
 EARTH_RADIUS = 6_371_000.0
 
 
@@ -86,7 +88,7 @@ def from_records(records: pd.DataFrame) -> Series:
     phase = records["phase"].to_numpy()
     driven = powered(records)
     surfaced = phase == Phase.SURFACING
-    manoeuvre = _manoeuvre(time, pitch_guess, phase, records, driven)
+    manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven)
     gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
@@ -130,7 +132,12 @@ def _rate(time: np.ndarray, value: np.ndarray, window: float) -> np.ndarray:
 
 
 def _manoeuvre(
-    time: np.ndarray, pitch: np.ndarray, phase: np.ndarray, records: pd.DataFrame, driven: np.ndarray
+    time: np.ndarray,
+    pitch: np.ndarray,
+    rate: np.ndarray,
+    phase: np.ndarray,
+    records: pd.DataFrame,
+    driven: np.ndarray,
 ) -> np.ndarray:
     """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
     turning: np.ndarray = np.abs(_rate(time, pitch, 12.0)) > np.radians(0.3)
@@ -139,6 +146,7 @@ def _manoeuvre(
         span = np.nanmax(volume) - np.nanmin(volume)
         turning |= np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(2e-3 * span, 3e-7)
     turning |= np.diff(driven, prepend=driven[:1])
+    turning |= rate * np.sin(pitch) > BACKWARDS
     turning |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
     turning |= np.diff(time, append=time[-1]) > PAUSE
     powered_margin, margin = near(time, turning, BEFORE, AFTER_POWERED), near(time, turning, BEFORE, AFTER)

@@ -17,12 +17,13 @@ class Settings(NamedTuple):
     pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
 
     current_drift: float = 7e-7  # m2/s3, random walk of the current
-    speed_drift: float = 2e-7  # m2/s3, random walk of V in steady flight in homogeneous water
+    unsteadiness: float = 0.5  # factor on the variances by which V departs from a steady glide: the three below
+    speed_drift: float = 1e-7  # m2/s3, random walk of V in steady flight in homogeneous water
     speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
     speed_drift_manoeuvre: float = 3e-3  # m2/s3
-    speed_drift_gentle: float = 1.5e-4  # m2/s3, manoeuvres under steady power
+    speed_drift_gentle: float = 5e-4  # m2/s3, manoeuvres under steady power
     speed_drift_surface: float = 1e-2  # m2/s3, at the surface: what V was there says nothing about the dive
-    stratification: float = 0.05  # m3/kg, relative change of V per change of density that κ leaves, as a random walk
+    stratification: float = 0.04  # m3/kg, relative change of V per change of density that κ leaves, as a random walk
     pitch_share: float = 0.3  # 1-sigma of what V does when the pitch wanders over what a steady glide's would do
     response: float = 0.02  # m5/s2/kg, κ: loss of V²/2 per change of density met, g·volume·sin γ/2K_D0; its 1-sigma
     response_drift: float = 1e-6  # m10/s5/kg2, random walk of κ in manoeuvres
