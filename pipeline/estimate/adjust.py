@@ -111,6 +111,12 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
     return Adjusted(craft, settings, columns, _report(craft, columns, free, converged))
 
 
+def unadjusted(found: Adjusted) -> Adjusted:
+    """Return `found` with every parameter as it was before the mission, and as uncertain; its noise levels stay."""
+    craft = found.craft._replace(value=found.craft.centre.copy())
+    return found._replace(craft=craft, columns=np.diag(craft.std), report={"parameters": {}, "converged": True})
+
+
 def _normal(problem: smoother.Problem, series: Series) -> _Normal:
     """Return the normal equations of one stretch in units of 1 (not of 1-sigma); the surface is left out."""
     found, variance = smoother.innovations(problem)
