@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,20 +131,21 @@ def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 
 def _estimate(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
-    from pipeline.estimate.blocks import block_means
-    from pipeline.estimate.stage import estimate
-    from pipeline.records import BLOCKS, ESTIMATES, of_method
+    from pipeline.estimate.stage import stream
+    from pipeline.records import BLOCKS, ESTIMATES
 
-    records = store.read_table(job.path("records.parquet"))
     constants = store.read_json(job.path("ingest.json"))["constants"]
     vehicle = resolve_vehicle(mission, constants)
-    estimated = estimate(records, vehicle, mission, constants=constants, engine=job.engine)
-    kinematic = of_method(estimated.estimates, "kinematic")
-    blocks, findings = block_means(records, kinematic, vehicle, mission, constants)
-    store.write_table(job.path("estimates.parquet"), estimated.estimates, ESTIMATES, {"mission": job.name})
-    store.write_table(job.path("blocks.parquet"), blocks, BLOCKS, {"mission": job.name})
-    listed = [finding.as_dict() for finding in (*estimated.findings, *findings)]
-    store.write_json(job.path("estimate.json"), {**estimated.report, "findings": listed})
+    with (
+        store.table_reader(job.path("records.parquet")) as records,
+        store.table_writer(job.path("estimates.parquet"), ESTIMATES, {"mission": job.name}) as table,
+    ):
+        summary = stream(
+            records, vehicle, mission, table.write, constants=constants, engine=job.engine, threads=job.threads
+        )
+    store.write_table(job.path("blocks.parquet"), summary.blocks, BLOCKS, {"mission": job.name})
+    listed = [finding.as_dict() for finding in summary.findings]
+    store.write_json(job.path("estimate.json"), {**summary.report, "findings": listed})
 
 
 def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
@@ -206,12 +207,14 @@ def mark(reports: Path, name: str, error: str) -> None:
 
 
 def run_stage(job: Job, stage: str, *, force: bool = False) -> Outcome:
-    """Run one stage of one mission in this process, unless nothing has changed since it was last run."""
+    """Run one stage of one mission in this process, on all its cores, unless nothing has changed since the last run."""
+    from pipeline.workers import cores
+
     try:
         described = stage_key(job, stage)
         if not force and provenance.is_current(provenance.read(job.results).get(stage), described, job.path):
             return Outcome(job.name)
-        perform(job, stage, described)
+        perform(replace(job, threads=cores()), stage, described)
     except InputError as error:
         return Outcome(job.name, error=str(error))
     return Outcome(job.name, (stage,))
@@ -267,7 +270,8 @@ def run(
                 return end(course, str(error))
             recorded = provenance.read(course.job.results).get(stage)
             if force or not provenance.is_current(recorded, described, course.job.path):
-                running[workers.submit(perform, course.job, stage, described)] = course
+                job = replace(course.job, threads=workers.threads)
+                running[workers.submit(perform, job, stage, described)] = course
                 return None
             course.ahead.popleft()
         return end(course)

@@ -383,11 +383,11 @@ def _stage(
 
 
 def _workers(jobs: Sequence[Job], count: int | None, scheduler: str | None) -> Workers:
-    from pipeline.workers import cluster, local
+    from pipeline.workers import cluster, cores, local
 
     if scheduler is not None:
         return cluster(scheduler)
-    return local(max(1, min(count or os.cpu_count() or 1, len(jobs))))
+    return local(max(1, min(count or cores(), len(jobs))))
 
 
 def _writable(*folders: Path) -> None:

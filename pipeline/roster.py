@@ -30,13 +30,14 @@ STAGES = tuple(OUTPUTS)
 
 @dataclass(frozen=True)
 class Job:
-    """One mission to be analysed: where its logs are, where its results and its report go."""
+    """One mission to be analysed: where its logs are, where its results and its report go, and on how many threads."""
 
     folder: Path
     name: str
     results: Path
     reports: Path
     engine: Engine = "numba"
+    threads: int = 1
 
     def path(self, output: str) -> Path:
         """Return where the file `output` of any stage is kept."""

@@ -36,12 +36,15 @@ class Workers:
         Starts the executor.
     width
         How many tasks it should be given at a time.
+    threads
+        How many threads each task may use.
     """
 
-    def __init__(self, make: Callable[[], Executor], width: int) -> None:
+    def __init__(self, make: Callable[[], Executor], width: int, threads: int = 1) -> None:
         self._make = make
         self._executor: Executor | None = None
         self.width = width
+        self.threads = threads
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
         """Hand over `task`, to a fresh executor if the present one is broken."""
@@ -62,8 +65,13 @@ class Workers:
             self._executor.shutdown(wait=error is None)
 
 
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def local(count: int) -> Workers:
-    """Return workers on this machine, `count` processes that end when this one does."""
+    """Return workers on this machine, `count` processes that end when this one does and share its cores."""
 
     def make() -> Executor:
         os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
@@ -71,7 +79,7 @@ def local(count: int) -> Workers:
         context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         return ProcessPoolExecutor(count, mp_context=context, initializer=_settle)
 
-    return Workers(make, count)
+    return Workers(make, count, max(1, cores() // count))
 
 
 def cluster(address: str) -> Workers:

@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +146,65 @@ def test_the_digest_is_blake2b_of_the_bytes(tmp_path_factory: pytest.TempPathFac
 def test_the_digest_of_a_text_is_that_of_the_file_that_holds_it(tmp_path: Path) -> None:
     store.write_text(tmp_path / "x", "ż = −V sin γ − w")
     assert store.digest_text("ż = −V sin γ − w") == store.digest(tmp_path / "x")
+
+
+def _numbered(rows: int) -> pd.DataFrame:
+    """Return a table of rows a second apart, each of which holds its number."""
+    return pd.DataFrame({"time": timestamps(1.5e9 + np.arange(float(rows))), "speed": np.arange(float(rows))})
+
+
+@given(first=st.integers(0, 70), length=st.integers(0, 70))
+def test_any_rows_of_a_table_can_be_read_alone(
+    tmp_path_factory: pytest.TempPathFactory, first: int, length: int
+) -> None:
+    path, table = tmp_path_factory.getbasetemp() / "rows.parquet", _numbered(70)
+    if not path.exists():
+        with store.table_writer(path, STORED) as writer:
+            for begin in range(0, 70, 30):
+                writer.write(table.iloc[begin : begin + 30])
+    with store.table_reader(path) as reader:
+        assert reader.rows == 70
+        part = reader.read(first, first + length, ["speed"])
+    assert list(part.columns) == ["speed"]
+    assert part["speed"].tolist() == table["speed"].tolist()[first : first + length]
+    assert part.index.tolist() == list(range(len(part)))
+
+
+def test_a_table_written_in_parts_is_the_table_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "GROUP", 20)
+    table = _numbered(70)
+    store.write_table(tmp_path / "whole", table, STORED, {"mission": "trial"})
+    with store.table_writer(tmp_path / "parts", STORED, {"mission": "trial"}) as writer:
+        for begin in range(0, 70, 20):
+            writer.write(table.iloc[begin : begin + 20])
+    pd.testing.assert_frame_equal(store.read_table(tmp_path / "whole"), store.read_table(tmp_path / "parts"))
+    assert store.read_metadata(tmp_path / "parts") == {"mission": "trial"}
+    assert store.digest(tmp_path / "whole") == store.digest(tmp_path / "parts")
+
+
+@pytest.mark.parametrize("anonymous", [True, False])
+def test_a_table_whose_parts_fail_leaves_the_old_one_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, anonymous: bool
+) -> None:
+    if not anonymous:
+        monkeypatch.delattr(os, "O_TMPFILE", raising=False)
+    path = tmp_path / "x.parquet"
+    store.write_table(path, _numbered(3), STORED)
+
+    def parts() -> Iterator[pd.DataFrame]:
+        yield _numbered(5)
+        raise RuntimeError("in the second part")
+
+    with pytest.raises(RuntimeError, match="in the second part"), store.table_writer(path, STORED) as writer:
+        for part in parts():
+            writer.write(part)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["x.parquet"]
+    assert len(store.read_table(path)) == 3
+
+
+def test_a_table_being_written_is_not_there_yet(tmp_path: Path) -> None:
+    path = tmp_path / "x.parquet"
+    with store.table_writer(path, STORED) as writer:
+        writer.write(_numbered(5))
+        assert list(tmp_path.iterdir()) == []
+    assert len(store.read_table(path)) == 5

@@ -22,6 +22,8 @@ SHARE = 0.5
 #: 1-sigma (m/s) of what a speed sensor's mean is off by, whatever the number of samples.
 SENSOR_FLOOR = 0.005
 
+NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
+
 
 def block_means(
     records: pd.DataFrame,
@@ -47,14 +49,29 @@ def block_means(
         The table `pipeline.records.BLOCKS`; findings.
     """
     body, findings = hull(mission, vehicle, constants, records)
+    if not records["buoyancy_volume"].notna().any():
+        findings.append(NO_ENGINE)
+    return means(records, estimates, vehicle, mission, body), findings
+
+
+def means(
+    records: pd.DataFrame, estimates: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hull | None
+) -> pd.DataFrame:
+    """Return the table `pipeline.records.BLOCKS` of a part of a mission that holds its blocks whole.
+
+    Parameters
+    ----------
+    records, estimates
+        Canonical tables, row by row of the same instants.
+    vehicle, mission
+        Vehicle and mission.
+    body
+        Mass and volume of the vehicle in the whole mission; None: there is no net buoyancy.
+    """
     driven = powered(records)
     time = seconds(records["time"])
     number = records["block"].to_numpy()
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
-    if not np.isfinite(engine).any():
-        findings.append(
-            Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
-        )
     latitude = float(records["latitude"].dropna().median())
     gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
@@ -77,9 +94,9 @@ def block_means(
         row |= _settings(part, rotation[inside], row["powered"])
         row |= _buoyancy(part, engine[inside], body, vehicle, gravity)
         level = row["powered"] and abs(row["pitch"]) < LEVEL
-        row["direction"] = 0 if level else int(-np.sign(row["depth_rate"]))
+        row["direction"] = 0 if level or np.isnan(row["depth_rate"]) else int(-np.sign(row["depth_rate"]))
         rows.append(row)
-    return conform(pd.DataFrame(rows), BLOCKS), findings
+    return conform(pd.DataFrame(rows), BLOCKS)
 
 
 def _flight(part: pd.DataFrame) -> dict[str, Any]:

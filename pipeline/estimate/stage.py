@@ -1,8 +1,9 @@
 """Stage 2: records to estimates, by both estimators, part by part.
 
 A mission is prepared on a few stretches of it: noise levels, and what the depth rate says of the force model's
-parameters. Then it is solved in parts, cut at the surface, on several threads, so that neither memory nor the time to
-wait grows with the mission; what is said of the whole is a sum over the parts.
+parameters. Then it is solved in parts, cut at the surface and never within a block, on several threads; each part's
+estimates are handed on as soon as they are there, so that memory does not grow with the mission. What is said of the
+whole is a sum over the parts. Where a mission is cut does not depend on the number of threads, nor does any number.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
 
 from pipeline.estimate import adjust, force, kinematic, smoother
 from pipeline.estimate.ballast import Hull, hull
+from pipeline.estimate.blocks import NO_ENGINE, means
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.consistency import Tally, tally
 from pipeline.estimate.consistency import report as consistency
@@ -29,7 +31,7 @@ from pipeline.estimate.trajectory import Flight, first_guess
 from pipeline.estimate.verdict import verdict
 from pipeline.findings import Finding, nearest
 from pipeline.mission import Mission
-from pipeline.records import ESTIMATES, conform
+from pipeline.records import BLOCKS, ESTIMATES, Phase, conform
 from pipeline.vehicle import Vehicle
 
 ENGINES = ("numba", "filterpy")
@@ -40,6 +42,41 @@ PART_RECORDS = 60_000
 STRETCHES, STRETCH_RECORDS = 3, 20_000
 
 NAMES = ("speed", "pitch", "angle_of_attack", "path_angle", "vertical_water_velocity", "depth")
+
+
+class Source(Protocol):
+    """Canonical records that can be read in parts."""
+
+    @property
+    def rows(self) -> int:
+        """How many records there are."""
+
+    def read(self, first: int = 0, last: int | None = None, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return records `first` up to and without `last`, all columns or some."""
+
+
+class InMemory(NamedTuple):
+    """Records that are at hand."""
+
+    records: pd.DataFrame
+
+    @property
+    def rows(self) -> int:
+        """How many records there are."""
+        return len(self.records)
+
+    def read(self, first: int = 0, last: int | None = None, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return records `first` up to and without `last`, all columns or some."""
+        part = self.records.iloc[first:last]
+        return part if columns is None else part[list(columns)]
+
+
+class Summary(NamedTuple):
+    """What is said of a whole mission: means over its blocks, the report, and what was doubted."""
+
+    blocks: pd.DataFrame
+    report: dict[str, Any]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True)
@@ -68,6 +105,8 @@ class Part(NamedTuple):
     """What one part of a mission adds to the whole."""
 
     estimates: pd.DataFrame
+    blocks: pd.DataFrame
+    engine: bool  # whether the volume of the buoyancy engine is known
     tallies: dict[str, Tally]
     reasons: dict[str, dict[str, int]]  # how many records of each method are unobservable, by reason
     observable: dict[str, tuple[int, int]]  # how many are observable, of how many
@@ -116,15 +155,64 @@ def estimate(
     ValueError
         If `engine` is not known.
     """
-    if not len(records):
-        return Estimated(conform(pd.DataFrame({"time": records["time"]}), ESTIMATES), _nothing(), [])
-    stretches = [records.iloc[first:last] for first, last in windows(len(records))]
-    prepared = prepare(stretches, vehicle, mission, constants or {}, engine=engine, methods=methods)
-    pieces = [records.iloc[first:last] for first, last in cuts(records)]
-    parts = list(solved(pieces, prepared, threads=threads))
-    report, findings = merged(parts, prepared)
-    table = pd.concat([part.estimates for part in parts], ignore_index=True)
-    return Estimated(table, report, findings)
+    tables: list[pd.DataFrame] = []
+    summary = stream(
+        InMemory(records),
+        vehicle,
+        mission,
+        tables.append,
+        constants=constants or {},
+        engine=engine,
+        methods=methods,
+        threads=threads,
+    )
+    return Estimated(pd.concat(tables, ignore_index=True), summary.report, summary.findings)
+
+
+def stream(
+    source: Source,
+    vehicle: Vehicle,
+    mission: Mission,
+    take: Callable[[pd.DataFrame], None],
+    *,
+    constants: Mapping[str, float],
+    engine: str = "numba",
+    methods: Sequence[str] = METHODS,
+    threads: int = 1,
+) -> Summary:
+    """Estimate a mission part by part, and return what is said of the whole.
+
+    Parameters
+    ----------
+    source
+        Canonical records.
+    take
+        Called with the canonical estimates of each part, in order.
+    vehicle, mission, constants, engine, methods, threads
+        As in `estimate`.
+    """
+    if engine not in ENGINES:
+        raise ValueError(f"engine: found '{engine}'; {nearest(engine, list(ENGINES))}")
+    if not source.rows:
+        take(conform(pd.DataFrame(), ESTIMATES))
+        return Summary(conform(pd.DataFrame(), BLOCKS), _nothing(), [])
+    bounds = cuts(source.read(columns=("phase", "block")))
+    mission = _located(mission, source.read(columns=("latitude",)))
+    body = hull(mission, vehicle, constants, source.read(columns=("density",)))
+    stretches = [source.read(first, last) for first, last in windows(source.rows)]
+    prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods)
+    stretches.clear()
+    parts: list[Part] = []
+    for part in solved((source.read(first, last) for first, last in bounds), prepared, threads=threads):
+        take(part.estimates)
+        parts.append(part._replace(estimates=pd.DataFrame()))
+    return Summary(pd.concat([part.blocks for part in parts], ignore_index=True), *merged(parts, prepared))
+
+
+def _located(mission: Mission, records: pd.DataFrame) -> Mission:
+    """Return `mission` with the latitude of its fixes, for parts of it that have none."""
+    fixes = records["latitude"].dropna()
+    return mission.model_copy(update={"latitude": float(fixes.median())}) if len(fixes) else mission
 
 
 def windows(m: int) -> list[tuple[int, int]]:
@@ -136,31 +224,35 @@ def windows(m: int) -> list[tuple[int, int]]:
 
 
 def cuts(records: pd.DataFrame, size: int | None = None) -> list[tuple[int, int]]:
-    """Return where a mission is cut into parts of about `size` records.
+    """Return where a mission is cut into parts of about `size` records, no block being cut in two.
 
-    At the surface if it is met near there, else outside steady flight, else anywhere.
+    At the surface if it is met within half of `size` from there, else outside blocks or between two; beyond that only
+    where a block is longer than that.
 
     Parameters
     ----------
     records
         Columns phase and block, m rows.
     size
-        Records in a part, `PART_RECORDS` if left out; a cut is moved by at most half of it.
+        Records in a part, `PART_RECORDS` if left out.
     """
-    from pipeline.records import Phase
-
     size = size or PART_RECORDS
-    surfaced = records["phase"].to_numpy() == Phase.SURFACING
-    unsteady = records["block"].to_numpy() < 0
+    block = records["block"].to_numpy()
+    apart = block < 0
+    apart[1:] |= block[1:] != block[:-1]
+    surfaced = apart & (records["phase"].to_numpy() == Phase.SURFACING)
     m, bounds = len(records), [0]
     while m - bounds[-1] > 1.5 * size:
         aim = bounds[-1] + size
-        span = slice(aim - size // 2, aim + size // 2)
-        near = np.flatnonzero(surfaced[span])
+        first, last = aim - size // 2, aim + size // 2
+        near = first + np.flatnonzero(surfaced[first:last])
         if not near.size:
-            near = np.flatnonzero(unsteady[span])
-        near = near + span.start
-        bounds.append(int(near[np.argmin(np.abs(near - aim))]) if near.size else aim)
+            near = first + np.flatnonzero(apart[first:last])
+        if not near.size:
+            near = last + np.flatnonzero(apart[last:])[:1]
+        if not near.size:
+            break
+        bounds.append(int(near[np.argmin(np.abs(near - aim))]))
     return list(pairwise([*bounds, m]))
 
 
@@ -168,7 +260,7 @@ def prepare(
     stretches: Sequence[pd.DataFrame],
     vehicle: Vehicle,
     mission: Mission,
-    constants: Mapping[str, float],
+    body: tuple[Hull | None, list[Finding]],
     *,
     engine: str = "numba",
     methods: Sequence[str] = METHODS,
@@ -179,19 +271,18 @@ def prepare(
     ----------
     stretches
         Canonical records, at least one row each.
-    vehicle, mission, constants, engine, methods
+    body
+        As from `ballast.hull` for the whole mission.
+    vehicle, mission, engine, methods
         As in `estimate`.
     """
-    if engine not in ENGINES:
-        raise ValueError(f"engine: found '{engine}'; {nearest(engine, list(ENGINES))}")
     found = [reconcile(part, from_records(part), vehicle, mission).series for part in stretches]
     located = mission.gps == "use" and any(series.located for series in found)
     model = kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located)
-    body, findings = hull(mission, vehicle, constants, pd.concat(list(stretches)))
     adjusted, reason = None, "not asked for"
     if "force" in methods:
-        adjusted, reason = _adjusted(stretches, found, vehicle, mission, body)
-    return Prepared(vehicle, mission, engine, model, body, adjusted, reason, findings)
+        adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0])
+    return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, body[1])
 
 
 def _solver(engine: str) -> Callable[[smoother.Problem], smoother.Solution]:
@@ -212,12 +303,15 @@ def _adjusted(
     """Return the force model adjusted to the depth rate, or why there is none."""
     if body is None:
         return None, "no mass or no density: no net buoyancy"
+    if any(np.isnan(vehicle.polar)):
+        return None, "lift and drag of the vehicle are not known"
     parts = []
     for records, series in zip(stretches, found, strict=True):
         inputs, reason = forcing(records, vehicle, mission, body)
-        if inputs is None:
-            return None, reason
-        parts.append(adjust.Stretch(series, inputs))
+        if inputs is not None:
+            parts.append(adjust.Stretch(series, inputs))
+    if not parts:
+        return None, reason
     craft = force.craft(vehicle, mission, body)
     paths = []
     for part in parts:
@@ -262,7 +356,7 @@ def part(records: pd.DataFrame, prepared: Prepared) -> Part:
     tables, tallies, reasons, observable = [], {}, {}, {}
     flights = [("kinematic", found.flight, found.problem, found.solution, not any(model.sources))]
     if prepared.adjusted is not None and prepared.body is not None:
-        inputs, _ = forcing(records, prepared.vehicle, mission, prepared.body)
+        inputs, missing = forcing(records, prepared.vehicle, mission, prepared.body)
         if inputs is not None:
             start = force.path(found.series, found.flight.state[0], found.flight.state[1])
             by_force = force.solve(
@@ -283,8 +377,13 @@ def part(records: pd.DataFrame, prepared: Prepared) -> Part:
         if method == "kinematic":
             shares = np.sum((flight.by**2 / np.maximum(flight.std[0], 1e-12) ** 2)[:, seen], axis=1)
             located = legs(series, flight, found.current, seen) if model.sources.fixes else []
+    if prepared.adjusted is not None and "force" not in tallies:
+        tables.append(_blank(records, "force", missing))
+        reasons["force"], observable["force"] = {missing: len(records)}, (0, len(records))
     return Part(
         pd.concat(tables, ignore_index=True),
+        means(records, tables[0], prepared.vehicle, mission, prepared.body),
+        bool(records["buoyancy_volume"].notna().any()),
         tallies,
         reasons,
         observable,
@@ -298,13 +397,17 @@ def part(records: pd.DataFrame, prepared: Prepared) -> Part:
 def _table(records: pd.DataFrame, method: str, flight: Flight, reason: np.ndarray) -> pd.DataFrame:
     """Return the canonical estimates of one method; what is not observable is NaN but for pitch and depth."""
     seen = reason == ""
-    table: dict[str, Any] = {"time": records["time"].to_numpy(), "dive": records["dive"].to_numpy(), "method": method}
+    table: dict[str, Any] = {"time": records["time"].array, "dive": records["dive"].to_numpy(), "method": method}
     for name, value, std in zip(NAMES, flight.state, flight.std, strict=True):
         shown = np.where(seen | (name in ("pitch", "depth")), 1.0, np.nan)
         table |= {name: value * shown, f"{name}_std": std * shown}
-    frame = pd.DataFrame(table | {"observable": seen, "reason": reason})
-    frame["time"] = records["time"].array
-    return conform(frame, ESTIMATES)
+    return conform(pd.DataFrame(table | {"observable": seen, "reason": reason}), ESTIMATES)
+
+
+def _blank(records: pd.DataFrame, method: str, reason: str) -> pd.DataFrame:
+    """Return the canonical estimates of a method that has none for a part, and why."""
+    named = {"time": records["time"].array, "dive": records["dive"].to_numpy(), "method": method}
+    return conform(pd.DataFrame(named | {"observable": False, "reason": reason}), ESTIMATES)
 
 
 def _held_out(series: Series, flight: Flight, seen: np.ndarray) -> np.ndarray | None:
@@ -344,7 +447,7 @@ def merged(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], l
     """
     model, adjusted = prepared.kinematic, prepared.adjusted
     judged = {}
-    for method in parts[0].tallies:
+    for method in dict.fromkeys(method for part in parts for method in part.tallies):
         total = reduce(lambda a, b: a + b, [part.tallies[method] for part in parts if method in part.tallies])
         judged[method] = consistency(total)
     seen, size = _sum(parts, "kinematic")
@@ -373,6 +476,8 @@ def merged(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], l
             "settings": adjusted.settings._asdict(),
         }
     findings = list(prepared.findings)
+    if not any(part.engine for part in parts):
+        findings.append(NO_ENGINE)
     for finding in (item for part in parts for item in part.findings):
         if finding not in findings:
             findings.append(finding)
