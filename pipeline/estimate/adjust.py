@@ -118,11 +118,15 @@ def unadjusted(found: Adjusted) -> Adjusted:
 
 
 def _normal(problem: smoother.Problem, series: Series) -> _Normal:
-    """Return the normal equations of one stretch in units of 1 (not of 1-sigma); the surface is left out."""
+    """Return the normal equations of one stretch per prior 1-sigma.
+
+    Left out are the surface, and pitch in manoeuvres. Depth in manoeuvres counts: there w_w and V are told apart.
+    """
     found, variance = smoother.innovations(problem)
     found = found / np.sqrt(variance)[:, :, None]
     used = np.isfinite(found[:, :, 0])
     used[series.surfaced] = False
+    used[series.manoeuvre, 1] = False
     residual, slope = found[used][:, 0], found[used][:, 1:]
     weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9))
     return _Normal(slope.T @ (slope * weight[:, None]), slope.T @ (weight * residual), float(weight @ residual**2))

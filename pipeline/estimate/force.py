@@ -48,6 +48,8 @@ BIAS, BUOYANCY, EXPANSION, HULL_TIME = (
 LEAST, MOST, STEEPEST, TURNING = 0.02, 4.0, 1.5, 0.2
 #: Below this speed (m/s) the lift balance is not asked for α, and α is at most this (rad): beyond, flow is separated.
 SLOW, STALLED = 0.08, 0.30
+#: Time, s, over which an unrecorded motion of the engine is taken to last.
+UNKNOWN = 60.0
 #: The path is solved for at most so many times.
 ITERATIONS = 8
 #: s, the time in which a hull takes on the temperature of the water, before the mission; and its 1-sigma.
@@ -205,8 +207,14 @@ def _fill(
         d, w, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
         d[:] = 1.0
         d[WATER] = phi_w
-        d[LOAD] = math.exp(-dt / s.load_time)
-        w[LOAD] = s.load**2 * (1.0 - d[LOAD] ** 2)
+        if force.doubt[k] > 0.0:  # the engine moved, nobody knows when
+            d[LOAD] = math.exp(-dt / UNKNOWN)
+            w[LOAD] = force.doubt[k] ** 2 * (1.0 - d[LOAD] ** 2)
+        elif k > 0 and force.doubt[k - 1] > 0.0:
+            d[LOAD], w[LOAD] = 0.0, s.load**2
+        else:
+            d[LOAD] = math.exp(-dt / s.load_time)
+            w[LOAD] = s.load**2 * (1.0 - d[LOAD] ** 2)
         quick = manoeuvre[k]
         q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
         tau = -1.0 / rate_v

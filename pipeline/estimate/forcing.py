@@ -17,6 +17,10 @@ from pipeline.records import seconds, usable
 from pipeline.vehicle import Vehicle
 
 
+#: A gap (s) in the engine's record across which it moves by more than this share of its range hides when it moved.
+GAP, MOVED = 30.0, 0.02
+
+
 class Forcing(NamedTuple):
     """Inputs of the force model, one value per record; held or interpolated between reports: no measurements."""
 
@@ -26,6 +30,7 @@ class Forcing(NamedTuple):
     by_time: np.ndarray  # (m,) N per s of the hull's thermal time constant
     density: np.ndarray  # (m,) kg/m3
     propeller_speed: np.ndarray  # (m,) rev/s
+    doubt: np.ndarray  # (m,) N, change of net buoyancy across a gap in the engine's record, within it; 0 elsewhere
 
 
 def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hull) -> tuple[Forcing | None, str]:
@@ -75,6 +80,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             np.zeros(time.size),
             density,
             records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
+            gravity * density * _unrecorded(time, records["buoyancy_volume"].to_numpy()),
         ),
         "",
     )
@@ -118,6 +124,19 @@ def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
             behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
             late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
     return late
+
+
+def _unrecorded(time: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Return by how much the engine's volume changed across a gap in its record, within the gap; 0 elsewhere."""
+    change = np.zeros(time.size)
+    known = np.flatnonzero(np.isfinite(volume))
+    if known.size < 2:
+        return change
+    step, moved = np.diff(time[known]), np.abs(np.diff(volume[known]))
+    gap = (step > max(GAP, 5.0 * float(np.median(step)))) & (moved > MOVED * np.ptp(volume[known]))
+    for i in np.flatnonzero(gap):
+        change[known[i] : known[i + 1]] = moved[i]
+    return change
 
 
 def _between(time: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -20,6 +20,8 @@ PAUSE = 120.0
 LEVEL = np.radians(10.0)
 #: Margins (s) before and after a change within which flight is not steady: some time constants m/(2 K_D V).
 BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
+#: With its pressure sensor above this depth (m) a vehicle of some 2 m is breaking the surface.
+AFLOAT = 1.0
 #: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
 BACKWARDS = 0.02
 EARTH_RADIUS = 6_371_000.0
@@ -87,7 +89,7 @@ def from_records(records: pd.DataFrame) -> Series:
     rate = _rate(time, depth_guess, 20.0)
     phase = records["phase"].to_numpy()
     driven = powered(records)
-    surfaced = phase == Phase.SURFACING
+    surfaced = (phase == Phase.SURFACING) | (depth_guess < AFLOAT)
     manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven)
     gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
