@@ -1,4 +1,4 @@
-"""Run real missions through the whole pipeline and print the kinematic speed against measured truth.
+"""Run real missions through the whole pipeline and print speeds by both methods against measured truth.
 
 Usage: ``python benchmarks/real.py DATA``, DATA a folder of real logs (default: $SEATRIAL_DATA).
 """
@@ -11,10 +11,28 @@ import sys
 import tempfile
 from pathlib import Path
 
+import pandas as pd
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.truth import MISSIONS, lay_out, score_comet, score_sg171
+from benchmarks.truth import (
+    MISSIONS,
+    Real,
+    by_unadjusted_force,
+    estimated,
+    lay_out,
+    read,
+    score_comet,
+    score_sg171,
+    water_rms,
+    with_dvl,
+    with_stored_polar,
+)
+from pipeline.records import of_method
 from pipeline.store import read_json, read_table
+
+METHODS = ("kinematic", "force")
+DEPTHS = ((12.0, 35.0, "12-35 dbar"), (12.0, 1e4, ">= 12 dbar"))
 
 
 def main() -> int:
@@ -27,31 +45,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         raw, processed, reports = (Path(scratch) / name for name in ("raw", "processed", "reports"))
         lay_out(data, raw)
-        command = [
-            Path(sys.executable).with_name("seatrial"),
-            "run",
-            raw,
-            "--processed",
-            processed,
-            "--reports",
-            reports,
-        ]
+        seatrial = Path(sys.executable).with_name("seatrial")
+        command = [seatrial, "run", raw, "--processed", processed, "--reports", reports]
         code = subprocess.run([str(part) for part in command], check=False).returncode
         print()
-        for shallow, deep, label in ((12.0, 35.0, "12-35 dbar"), (12.0, 1e4, ">= 12 dbar")):
-            score = score_comet(data, read_table(processed / "comet/estimates.parquet"), shallow, deep)
-            print(
-                f"comet, kinematic V against the DVL, {label}: RMSE {100 * score['rmse']:.2f} cm/s, bias "
-                f"{100 * score['bias']:+.2f} cm/s, 95 % interval covers {100 * score['coverage']:.0f} % "
-                f"({score['n']:.0f} of {score['samples']:.0f} samples observable)"
-            )
-        score = score_sg171(data, read_table(processed / "sg171/estimates.parquet"))
-        print(
-            f"sg171, kinematic V against the AD2CP: RMSE {100 * score['rmse']:.1f} cm/s, bias "
-            f"{100 * score['bias']:+.1f} cm/s, 95 % interval covers {100 * score['coverage']:.0f} % "
-            f"({score['n']:.0f} of {score['ensembles']:.0f} ensembles observable); "
-            f"stored solution: RMSE {100 * score['stored_rmse']:.1f} cm/s, bias {100 * score['stored_bias']:+.1f} cm/s"
-        )
+        comet, sg171 = (read(name, data, Path(scratch) / "again") for name in ("comet", "sg171"))
+        about_comet(data, comet, read_table(processed / "comet/estimates.parquet"))
+        about_sg171(data, sg171, read_table(processed / "sg171/estimates.parquet"))
         for name in MISSIONS:
             answer = read_json(reports / name / "summary.json")["answer"]
             print(f"{name}: {answer['sentence']}")
@@ -59,6 +59,47 @@ def main() -> int:
                 if "stored" in line:
                     print(f"    {line}")
     return code
+
+
+def about_comet(data: Path, comet: Real, estimates: pd.DataFrame) -> None:
+    """Print V against the DVL held out, and what is flagged where it is used."""
+    tables = {method: of_method(estimates, method) for method in METHODS}
+    tables["force, nothing adjusted"] = by_unadjusted_force(comet, comet.vehicle)
+    for name, table in tables.items():
+        for shallow, deep, label in DEPTHS:
+            print(f"comet, V against the DVL, {name}, {label}: {said(score_comet(data, table, shallow, deep))}")
+    used = estimated(with_dvl(comet, data))
+    flagged = used.report["compatibility"]["outliers"]["instruments"]["speed"]
+    samples = ", ".join(f"{100 * one['value']:.0f} cm/s at {one['time_s']:.0f} s" for one in flagged["first"])
+    print(f"comet, the DVL used: {flagged['count']} samples flagged as outliers: {samples}")
+    for method in METHODS:
+        score = score_comet(data, of_method(used.estimates, method), 12.0, 35.0)
+        print(f"    {method}, of the DVL that it has seen, 12-35 dbar: {said(score)}")
+
+
+def about_sg171(data: Path, sg171: Real, estimates: pd.DataFrame) -> None:
+    """Print V against the AD2CP held out, and w_w, for both methods and for the force model with nothing adjusted."""
+    tables = {method: of_method(estimates, method) for method in METHODS}
+    tables["force, nothing adjusted"] = by_unadjusted_force(sg171, sg171.vehicle)
+    tables["force, nothing adjusted, polar of the logs"] = by_unadjusted_force(sg171, with_stored_polar(sg171))
+    for name, table in tables.items():
+        score, water = score_sg171(data, table), water_rms(table, sg171.records)
+        print(
+            f"sg171, V against the AD2CP, {name}: {said(score)}; w_w in steady flight {100 * water['rms']:.2f} cm/s RMS"
+            f" ({100 * water['with_std']:.2f} with its own uncertainty)"
+        )
+    print(
+        f"sg171, V against the AD2CP, stored solution: RMSE {100 * score['stored_rmse']:.2f} cm/s, "
+        f"bias {100 * score['stored_bias']:+.2f} cm/s"
+    )
+
+
+def said(score: dict[str, float]) -> str:
+    """Return a score in words."""
+    return (
+        f"RMSE {100 * score['rmse']:.2f} cm/s, bias {100 * score['bias']:+.2f} cm/s, 95 % interval covers "
+        f"{100 * score['coverage']:.0f} % ({score['n']:.0f} of {score['samples']:.0f} observable)"
+    )
 
 
 if __name__ == "__main__":

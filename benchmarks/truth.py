@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from pipeline.records import seconds
+from pipeline import mission as missions
+from pipeline.estimate import adjust, stage
+from pipeline.estimate.ballast import hull
+from pipeline.estimate.stage import Estimated, estimate
+from pipeline.ingest import ingest
+from pipeline.mission import Mission
+from pipeline.records import RECORDS, Quality, conform, seconds, timestamps
+from pipeline.roster import resolve_vehicle
+from pipeline.vehicle import Vehicle, from_seaglider
 
 #: Folder below the data folder, files taken, and mission.yaml of each real mission.
 MISSIONS: dict[str, tuple[str, str, str]] = {
@@ -23,6 +33,9 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
     "sg249": ("seaglider/sg249_nanoos2024", "p*.nc", "vehicle: seaglider-sgx\n"),
     "sg542": ("seaglider/sg542", "p*.nc", "vehicle: seaglider\n"),
 }
+
+#: Random error of comet's DVL, m/s.
+DVL_STD = 0.006
 
 
 def lay_out(data: Path, raw: Path, names: tuple[str, ...] = tuple(MISSIONS)) -> None:
@@ -39,8 +52,77 @@ def lay_out(data: Path, raw: Path, names: tuple[str, ...] = tuple(MISSIONS)) -> 
         (folder / "mission.yaml").write_text(text, encoding="utf-8")
 
 
+class Real(NamedTuple):
+    """A real mission, ingested.
+
+    Attributes
+    ----------
+    mission, vehicle, records, constants
+        As stage 2 is given them.
+    """
+
+    mission: Mission
+    vehicle: Vehicle
+    records: pd.DataFrame
+    constants: Mapping[str, float]
+
+
+def read(name: str, data: Path, raw: Path) -> Real:
+    """Return a real mission, laid out under `raw` and ingested."""
+    lay_out(data, raw, (name,))
+    mission = missions.load(raw / name)
+    found = ingest(mission)
+    return Real(mission, resolve_vehicle(mission, found.constants), found.records, found.constants)
+
+
+def estimated(real: Real) -> Estimated:
+    """Return what stage 2 makes of a real mission."""
+    return estimate(real.records, real.vehicle, real.mission, constants=real.constants)
+
+
+def by_unadjusted_force(real: Real, vehicle: Vehicle) -> pd.DataFrame:
+    """Return the estimates by the force model of `vehicle`, none of its parameters adjusted."""
+    body = hull(real.mission, vehicle, real.constants, real.records)
+    prepared = stage.prepare([real.records], vehicle, real.mission, body)
+    if prepared.adjusted is None:
+        raise ValueError(f"force model: {prepared.reason}")
+    prepared = prepared._replace(adjusted=adjust.unadjusted(prepared.adjusted))
+    table = pd.concat([part.estimates for part in stage.solved([real.records], prepared)], ignore_index=True)
+    return table[table["method"] == "force"].reset_index(drop=True)
+
+
+def with_stored_polar(real: Real) -> Vehicle:
+    """Return the vehicle of a Seaglider mission with the lift and drag that its own files keep."""
+    return from_seaglider(real.vehicle, real.constants, source="the logs")
+
+
+def with_dvl(real: Real, data: Path) -> Real:
+    """Return comet's mission with its DVL at the sensor's own instants, to be used by the estimator.
+
+    The DVL is not in the raw logs. Its samples are rows of their own; ~0 is its word for no estimate.
+    """
+    time, speed = np.load(data / "slocum/comet2016/U_kalman_native.npy")
+    given = speed > 0.1
+    rows = pd.DataFrame(
+        {
+            "time": timestamps(time[given]),
+            "speed_through_water": speed[given],
+            "speed_through_water_std": DVL_STD,
+            "speed_through_water_qc": np.int8(Quality.NONE),
+        }
+    )
+    rows = rows[~rows["time"].isin(real.records["time"])]
+    table = conform(pd.concat([real.records, conform(rows, RECORDS)], ignore_index=True), RECORDS)
+    own = np.arange(len(table)) < len(real.records)
+    order = np.argsort(table["time"].to_numpy(), kind="stable")
+    table, own = table.iloc[order].reset_index(drop=True), own[order]
+    for name in ("phase", "dive", "block"):
+        table[name] = table[name].where(own).ffill().bfill().astype(table[name].dtype)
+    return real._replace(records=table, mission=real.mission.model_copy(update={"speed_sensor": "use"}))
+
+
 def score_comet(data: Path, estimates: pd.DataFrame, shallow: float, deep: float) -> dict[str, float]:
-    """Compare the kinematic speed with comet's DVL, native samples, between two pressures in dbar.
+    """Compare the speed of one method with comet's DVL, native samples, between two pressures in dbar.
 
     As the data's own notes say: dives only (depth increasing, U > 0.1 m/s), the first yo left out, samples more than
     5 cm/s from their running median of 15 left out. Returned: n, bias and rmse [m/s], coverage of the 95 % interval
@@ -64,7 +146,7 @@ def score_comet(data: Path, estimates: pd.DataFrame, shallow: float, deep: float
     nearest -= chosen_times - at[nearest - 1] < at[nearest] - chosen_times
     close = np.abs(at[nearest] - chosen_times) < 10.0
     gap = found["speed"].to_numpy()[nearest][close] - speed[chosen][close]
-    sigma = np.hypot(found["speed_std"].to_numpy()[nearest][close], 0.006)
+    sigma = np.hypot(found["speed_std"].to_numpy()[nearest][close], DVL_STD)
     return {
         "samples": float(chosen.sum()),
         "n": float(gap.size),
@@ -75,7 +157,7 @@ def score_comet(data: Path, estimates: pd.DataFrame, shallow: float, deep: float
 
 
 def score_sg171(data: Path, estimates: pd.DataFrame) -> dict[str, float]:
-    """Compare the kinematic speed, averaged over the same 60 s, with the AD2CP's good ensembles; the stored one too."""
+    """Compare the speed of one method, averaged over the same 60 s, with the AD2CP's good ensembles; so the stored."""
     truth = pd.read_csv(data / "seaglider/sg171_ekamsat2024/truth_adcp.csv")
     truth = truth[truth["ok"] == 1]
     found = estimates[estimates["observable"]]
@@ -89,7 +171,7 @@ def score_sg171(data: Path, estimates: pd.DataFrame) -> dict[str, float]:
             sigmas.append(np.hypot(std[inside].mean(), 0.01))
     gap, sigma = np.array(gaps), np.array(sigmas)
     return {
-        "ensembles": float(len(truth)),
+        "samples": float(len(truth)),
         "n": float(gap.size),
         "bias": float(gap.mean()),
         "rmse": float(np.sqrt(np.mean(gap**2))),
@@ -97,3 +179,15 @@ def score_sg171(data: Path, estimates: pd.DataFrame) -> dict[str, float]:
         "stored_bias": float(np.nanmean(stored)),
         "stored_rmse": float(np.sqrt(np.nanmean(np.square(stored)))),
     }
+
+
+def water_rms(estimates: pd.DataFrame, records: pd.DataFrame) -> dict[str, float]:
+    """Return what one method says of the water's vertical velocity in steady flight, m/s.
+
+    ``rms`` is the standard deviation of the smoothed velocity; smoothing makes it too small where little is known, so
+    ``with_std`` adds the variance that the estimate claims for itself.
+    """
+    steady = (records["block"].to_numpy() >= 0) & estimates["observable"].to_numpy(dtype=bool)
+    water = estimates["vertical_water_velocity"].to_numpy()[steady]
+    std = estimates["vertical_water_velocity_std"].to_numpy()[steady]
+    return {"rms": float(np.std(water)), "with_std": float(np.sqrt(np.var(water) + np.mean(std**2)))}

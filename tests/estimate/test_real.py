@@ -1,36 +1,93 @@
-"""The kinematic speed of real gliders against the speed that they measured and that the estimator did not see."""
+"""Speeds of real gliders by both methods against the speed that they measured and that the estimator did not see."""
 
 from pathlib import Path
 
 import pytest
 
-from benchmarks.truth import lay_out, score_comet, score_sg171
-from pipeline import mission, vehicle
-from pipeline.estimate.stage import Estimated, estimate
-from pipeline.ingest import ingest
+from benchmarks.truth import (
+    Real,
+    by_unadjusted_force,
+    estimated,
+    read,
+    score_comet,
+    score_sg171,
+    water_rms,
+    with_dvl,
+    with_stored_polar,
+)
+from pipeline.estimate.stage import Estimated
+from pipeline.records import of_method
 
 
-def run(name: str, data: Path, scratch: Path) -> Estimated:
-    """Return the estimates of a real mission."""
-    lay_out(data, scratch, (name,))
-    settings = mission.load(scratch / name)
-    return estimate(ingest(settings).records, vehicle.load(settings.vehicle), settings)
+@pytest.fixture(scope="module")
+def comet(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Real:
+    return read("comet", data, tmp_path_factory.mktemp("comet"))
 
 
-def test_comet_speed_agrees_with_its_dvl(data: Path, tmp_path: Path) -> None:
-    score = score_comet(data, run("comet", data, tmp_path).estimates, 12.0, 35.0)
+@pytest.fixture(scope="module")
+def sg171(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Real:
+    return read("sg171", data, tmp_path_factory.mktemp("sg171"))
+
+
+@pytest.fixture(scope="module")
+def of_comet(comet: Real) -> Estimated:
+    return estimated(comet)
+
+
+@pytest.fixture(scope="module")
+def of_sg171(sg171: Real) -> Estimated:
+    return estimated(sg171)
+
+
+def test_comet_kinematic_speed_agrees_with_its_dvl_in_steady_flight(data: Path, of_comet: Estimated) -> None:
+    score = score_comet(data, of_method(of_comet.estimates, "kinematic"), 12.0, 35.0)
     assert score["samples"] > 350
     assert score["n"] > 0.95 * score["samples"]
-    assert score["rmse"] <= 0.012
-    assert abs(score["bias"]) < 0.01
+    assert score["rmse"] <= 0.0095
+    assert abs(score["bias"]) <= 0.003
     assert score["coverage"] > 0.9
 
 
-def test_sg171_speed_is_far_closer_to_its_adcp_than_the_stored_solution(data: Path, tmp_path: Path) -> None:
-    estimated = run("sg171", data, tmp_path)
-    score = score_sg171(data, estimated.estimates)
-    assert score["n"] > 0.85 * score["ensembles"]
-    assert score["rmse"] < 0.045
+def test_comet_force_speed_agrees_with_its_dvl_through_the_apex(data: Path, of_comet: Estimated) -> None:
+    score = score_comet(data, of_method(of_comet.estimates, "force"), 12.0, 1e4)
+    assert score["n"] > 0.95 * score["samples"]
+    assert score["rmse"] <= 0.0115
+    assert abs(score["bias"]) <= 0.003
+    assert score["coverage"] > 0.9
+
+
+def test_comet_spike_of_yo_8_is_flagged_when_its_dvl_is_used_and_the_sensor_is_believed_elsewhere(
+    data: Path, comet: Real
+) -> None:
+    real = with_dvl(comet, data)
+    assert len(real.records) > len(comet.records) + 800
+    found = estimated(real)
+    flagged = found.report["compatibility"]["outliers"]["instruments"]["speed"]
+    spikes = [one for one in flagged["first"] if 5700.0 < one["time_s"] < 5760.0]
+    assert [round(one["value"], 2) for one in spikes] == [0.60]
+    assert flagged["count"] < 12
+    assert any(finding.file == "speed record" for finding in found.findings)
+    assert score_comet(data, of_method(found.estimates, "kinematic"), 12.0, 35.0)["rmse"] < 0.006
+
+
+@pytest.mark.parametrize("method", ["kinematic", "force"])
+def test_sg171_speed_agrees_with_its_adcp_within_an_honest_interval(
+    data: Path, sg171: Real, of_sg171: Estimated, method: str
+) -> None:
+    table = of_method(of_sg171.estimates, method)
+    score = score_sg171(data, table)
+    assert score["n"] > 0.85 * score["samples"]
+    assert score["rmse"] <= 0.044
     assert score["rmse"] < 0.5 * score["stored_rmse"]
+    assert score["coverage"] >= 0.9
     assert score["stored_bias"] == pytest.approx(-0.085, abs=0.01)
-    assert estimated.report["coverage"]["n"] > 200
+    assert water_rms(table, sg171.records)["with_std"] <= 0.017
+    assert of_sg171.report["consistency"][method]["sensor"]["n"] > 200
+
+
+def test_sg171_polar_kept_in_its_logs_gives_a_speed_far_too_slow_where_nothing_is_adjusted(
+    data: Path, sg171: Real
+) -> None:
+    score = score_sg171(data, by_unadjusted_force(sg171, with_stored_polar(sg171)))
+    assert score["bias"] < -0.06
+    assert score["rmse"] > 0.07
