@@ -16,7 +16,6 @@ from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import seconds, usable
 from pipeline.vehicle import Vehicle
 
-
 #: A gap (s) in the engine's record across which it moves by more than this share of its range hides when it moved.
 GAP, MOVED = 30.0, 0.02
 
@@ -120,7 +119,7 @@ def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
     for k in range(1, time.size):
         dt = time[k] - time[k - 1]
         if constant > 0.0:
-            gone = -math.expm1(-dt / constant)
+            gone = -math.expm1(-max(dt, 0.0) / constant)
             behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
             late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
     return late
