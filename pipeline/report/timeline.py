@@ -176,8 +176,8 @@ def flight(
         for name, column, factor, label in (
             ("depth", "depth", 1.0, "depth, m"),
             ("pitch", "pitch", 180.0 / np.pi, "pitch, °"),
-            ("engine", "buoyancy_volume", 1e6, "engine, cm³"),
-            ("propeller", "propeller_speed", 60.0, "propeller, rpm"),
+            ("engine", "buoyancy_volume", 1e6, "engine,\ncm³"),
+            ("propeller", "propeller_speed", 60.0, "propeller,\nrpm"),
         ):
             if name in axes:
                 values = np.where(
