@@ -22,14 +22,16 @@ from pipeline.estimate.force import (
     PARAMETERS,
     PITCH,
     SPEED,
+    THRUST,
     Adjusted,
     Craft,
     Path,
     linearise,
     path,
+    thrust_std,
 )
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import noise_from
+from pipeline.estimate.noise import covariance, noise_from
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 
@@ -83,6 +85,10 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
     """
     settings = noise_from(stretches[0].series)
     powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
+    if powered:
+        std = craft.std.copy()
+        std[THRUST] = thrust_std(craft, [stretch.force for stretch in stretches], paths)
+        craft = craft._replace(std=std)
     names = [name for name in ADJUSTED if (name != "thrust" or powered) and craft.std[PARAMETERS.index(name)] > 0.0]
     free = np.array([name in names for name in PARAMETERS])
     paths = list(paths)
@@ -103,7 +109,7 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
         value[HULL_TIME] = max(value[HULL_TIME], 0.0)
         craft = craft._replace(value=value)
         if step in SEARCHES:
-            settings = _likeliest(stretches, craft, settings, paths, speed=speed)
+            settings = _likeliest(stretches[:1], craft, settings, paths[:1], speed=speed)
         elif np.max(np.abs(change)) < STILL and step > SEARCHES[-1]:
             converged = True
             break
@@ -125,7 +131,7 @@ def _normal(problem: smoother.Problem, series: Series) -> _Normal:
     found, variance = smoother.innovations(problem)
     found = found / np.sqrt(variance)[:, :, None]
     used = np.isfinite(found[:, :, 0])
-    used[series.surfaced] = False
+    used[series.afloat] = False
     used[series.manoeuvre, 1] = False
     residual, slope = found[used][:, 0], found[used][:, 1:]
     weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9))
@@ -182,7 +188,10 @@ def _smoothed(problem: smoother.Problem, series: Series) -> Path:
 def _likeliest(
     stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: Sequence[Path], *, speed: bool
 ) -> Settings:
-    """Return settings with σ and τ of w_w, swell and the noise of depth at the maximum of likelihood times prior."""
+    """Return settings with the noise levels of `SEARCHED` at the maximum of likelihood times prior.
+
+    σ of w_w is the root mean square over its posterior: what is not known of it widens the intervals.
+    """
     names = list(SEARCHED)
     median = np.log([getattr(Settings(), name) if name != "depth_noise" else settings.depth_noise for name in names])
     spread = np.array(list(SEARCHED.values()))
@@ -198,7 +207,9 @@ def _likeliest(
 
     start = (np.log([getattr(settings, name) for name in names]) - median) / spread
     best = minimize(cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3})
-    return settings._replace(**dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True)))
+    found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
+    found["sigma_w"] *= float(np.exp(covariance(cost, best.x)[0, 0] * spread[0] ** 2))
+    return settings._replace(**found)
 
 
 def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:

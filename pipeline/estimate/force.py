@@ -9,7 +9,7 @@ over a step by the exponential of its own decay, which is stable whatever the st
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,8 +41,8 @@ PARAMETERS = (
     "thrust",  # relative
     "hull_time",  # s, in which the hull takes on the temperature of the water
 )
-BIAS, BUOYANCY, EXPANSION, HULL_TIME = (
-    PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "hull_time")
+BIAS, BUOYANCY, EXPANSION, THRUST, HULL_TIME = (
+    PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "thrust", "hull_time")
 )
 #: Bounds of the path: V [m/s], θ [rad], q [rad/s].
 LEAST, MOST, STEEPEST, TURNING = 0.02, 4.0, 1.5, 0.2
@@ -108,7 +108,7 @@ def _fill(
     values: np.ndarray,
     time: np.ndarray,
     manoeuvre: np.ndarray,
-    surfaced: np.ndarray,
+    afloat: np.ndarray,
     force: Forcing,
     at: Path,
     s: Settings,
@@ -221,7 +221,7 @@ def _fill(
         phi_v = math.exp(-dt / tau)
         reach = tau * (1.0 - phi_v)  # ∫ of the decay over the step
         farther = tau * (dt - reach)  # and of that
-        if surfaced[k] or pause > PAUSE or v + rate * reach < 0.0:
+        if afloat[k] or pause > PAUSE or v + rate * reach < 0.0:
             # afloat, unrecorded, or pushed to a stop: what V was here says nothing about what comes after
             phi_v = math.exp(-dt / STOPPING)
             _, v_var, _, _ = integrated(s.initial_speed, STOPPING, dt, phi_v)
@@ -268,6 +268,7 @@ class Craft(NamedTuple):
     centre: np.ndarray  # (c,): values before the mission
     std: np.ndarray  # (c,): 1-sigma before the mission
     value: np.ndarray  # (c,): values now
+    propeller_std: tuple[float, float] = (0.0, 0.0)  # 1-sigma of K_1 and K_2
 
 
 class Adjusted(NamedTuple):
@@ -328,7 +329,7 @@ def linearise(
         craft.value,
         series.time,
         series.manoeuvre,
-        series.surfaced,
+        series.afloat,
         force,
         at,
         settings,
@@ -413,7 +414,28 @@ def craft(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         centre,
         known,
         centre.copy(),
+        (vehicle.std("thrust_static"), vehicle.std("thrust_slope")) if vehicle.propeller else (0.0, 0.0),
     )
+
+
+def thrust_std(craft: Craft, forces: Sequence[Forcing], paths: Sequence[Path]) -> float:
+    """Return the relative 1-sigma of thrust at the advance ratios met: near J_0 a little of K_1 and K_2 is much of T.
+
+    Parameters
+    ----------
+    craft
+        Thrust law and 1-sigma of its coefficients.
+    forces, paths
+        Inputs and path of each stretch.
+    """
+    law, (std_1, std_2) = craft.propeller, craft.propeller_std
+    speed = np.concatenate([at.speed for at in paths])
+    rotation = np.concatenate([force.propeller_speed for force in forces])
+    turning = np.abs(rotation) > 0.0
+    if not turning.any() or not std_1 + std_2 > 0.0:
+        return float(craft.std[THRUST])
+    ratio = float(np.median(speed[turning] / (np.abs(rotation[turning]) * law.diameter)))
+    return math.hypot(std_1, std_2 * ratio) / max(law.thrust_static + law.thrust_slope * ratio, std_1)
 
 
 def solve(
@@ -453,16 +475,18 @@ def solve(
         series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=adjusted.columns
     )
     solution = solver(problem)
-    return _flight(solution, alphas), problem, solution
+    slip = np.where(series.manoeuvre, adjusted.settings.slip_manoeuvre, adjusted.settings.slip)
+    return _flight(solution, alphas, slip), problem, solution
 
 
-def _flight(solution: Solution, alphas: np.ndarray) -> Flight:
-    """Return the flight that smoothed states describe, with what states and parameters leave open."""
+def _flight(solution: Solution, alphas: np.ndarray, slip: np.ndarray) -> Flight:
+    """Return the flight that smoothed states describe, with what states, parameters and the slaving of α leave open."""
     mean, P = solution.mean, solution.covariance
     alpha, by_v, by_t = alphas[:, 0], alphas[:, 1], alphas[:, 2]
     change_alpha = by_v[:, None] * mean[:, SPEED, 1:] + by_t[:, None] * mean[:, PITCH, 1:] + alphas[:, 3:]
     across = by_v * P[:, SPEED, PITCH] + by_t * P[:, PITCH, PITCH]
     var_alpha = by_v**2 * P[:, SPEED, SPEED] + by_t * (across + by_v * P[:, SPEED, PITCH])
+    var_alpha += slip**2
     var_alpha = np.where((by_v == 0.0) & (by_t == 0.0), STALLED**2, var_alpha)  # separated flow: anything
     pitch = mean[:, PITCH, 0]
     rows = (

@@ -62,7 +62,7 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
         cost, np.zeros(len(names)), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3}
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
-    spread_of = _covariance(cost, best.x) * np.outer(spread, spread)
+    spread_of = covariance(cost, best.x) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(spread_of[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
     found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
@@ -81,7 +81,7 @@ def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
     return unsettled
 
 
-def _covariance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+def covariance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
     """Return the covariance of u by the curvature of `cost` at its minimum `at`; at most that of the prior, 1."""
     step, n = 0.2, at.size
     here = cost(at)

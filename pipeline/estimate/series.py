@@ -47,6 +47,7 @@ class Series:
     manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
     gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
+    afloat: np.ndarray  # bool: at the surface, or breaking it
     unmeasured: np.ndarray  # bool: no depth or no pitch within `PAUSE`
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
@@ -89,7 +90,7 @@ def from_records(records: pd.DataFrame) -> Series:
     rate = _rate(time, depth_guess, 20.0)
     phase = records["phase"].to_numpy()
     driven = powered(records)
-    surfaced = (phase == Phase.SURFACING) | (depth_guess < AFLOAT)
+    surfaced = phase == Phase.SURFACING
     manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven)
     gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
@@ -110,6 +111,7 @@ def from_records(records: pd.DataFrame) -> Series:
         manoeuvre=manoeuvre,
         gentle=gentle,
         surfaced=surfaced,
+        afloat=surfaced | (depth_guess < AFLOAT),
         unmeasured=~(near(time, np.isfinite(depth), PAUSE, PAUSE) & near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
         new_setting=_new_setting(cruising, records),

@@ -65,7 +65,11 @@ class Solution(NamedTuple):
     log_likelihood: float
 
 
-@njit(cache=True, nogil=True)
+# In the kernels `size` and `links` are tuples as long as there are states and coupled rows: the compiler knows both
+# numbers and unrolls. Work arrays are parts of one, so that it knows that they do not overlap.
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _update(
     size: tuple[int, ...],
     x: np.ndarray,
@@ -81,11 +85,15 @@ def _update(
 ) -> float:
     """Update `x` and `P` in place; `innovation` (1 + c,) comes in as the measurement, goes out as innovation."""
     n = len(size)
-    for i in range(n):
-        row[i] = weight_a * P[i, a] + weight_b * P[i, b]
-    total: float = variance + weight_a * row[a] + weight_b * row[b]
-    lost = ROUNDING
-    if weight_b != 0.0:
+    total, lost = variance, ROUNDING
+    if weight_b == 0.0:
+        for i in range(n):
+            row[i] = weight_a * P[a, i]
+        total += weight_a * row[a]
+    else:
+        for i in range(n):
+            row[i] = weight_a * P[a, i] + weight_b * P[b, i]
+        total += weight_a * row[a] + weight_b * row[b]
         lost *= 1.0 + math.sqrt((weight_a * weight_a * P[a, a] + weight_b * weight_b * P[b, b]) / total)
     for i in range(n):
         gain[i] = row[i] / total
@@ -94,74 +102,94 @@ def _update(
         for i in range(n):
             x[i, q] += gain[i] * innovation[q]
     for i in range(n):
-        before = P[i, i]
-        for j in range(i + 1):
-            value = P[i, j] - gain[i] * row[j]
-            P[i, j] = value
-            P[j, i] = value
+        before, factor = P[i, i], gain[i]
+        for j in range(n):
+            P[i, j] -= factor * row[j]
         P[i, i] += lost * before
+    for i in range(n):
+        for j in range(i):
+            P[j, i] = P[i, j]
     return total
 
 
-@njit(cache=True, nogil=True)
-def _predict(
-    size: tuple[int, ...], problem: Problem, k: int, x: np.ndarray, P: np.ndarray, moved: np.ndarray, FP: np.ndarray
+@njit(cache=True, nogil=True, inline="always")
+def _transition(
+    size: tuple[int, ...], links: tuple[int, ...], problem: Problem, k: int, kept: np.ndarray, F: np.ndarray
 ) -> None:
-    """Replace `x` by F x + shift and `P` by F P Fᵀ + Q; `FP` (n, n) goes out as F P, `moved` is (r,)."""
-    n = len(size)
-    decay, rows, noise, cross = problem.decay[k], problem.rows[k], problem.noise[k], problem.cross[k]
-    coupled, shift = problem.coupled, problem.shift[k]
-    for r in range(coupled.size):
+    """Fill `kept` (n,), the diagonal of F with zeros where a row is coupled, and `F` with those rows."""
+    for i in range(len(size)):
+        kept[i] = problem.decay[k, i]
+    for r in range(len(links)):
+        kept[problem.coupled[r]] = 0.0
+        for i in range(len(size)):
+            F[r, i] = problem.rows[k, r, i]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _predict(
+    size: tuple[int, ...],
+    links: tuple[int, ...],
+    problem: Problem,
+    k: int,
+    x: np.ndarray,
+    P: np.ndarray,
+    kept: np.ndarray,
+    moved: np.ndarray,
+    F: np.ndarray,
+    FP: np.ndarray,
+) -> None:
+    """Replace `x` by F x + shift and `P` by F P Fᵀ + Q; `FP` goes out as the coupled rows of F P, `moved` is (r,)."""
+    n, coupled = len(size), problem.coupled
+    _transition(size, links, problem, k, kept, F)
+    for r in range(len(links)):
         value = 0.0
         for j in range(n):
-            value += rows[r, j] * rows[r, j] * P[j, j]
+            value += F[r, j] * F[r, j] * P[j, j]
         moved[r] = ROUNDING * n * value
+        for j in range(n):
+            FP[r, j] = F[r, 0] * P[0, j]
+        for i in range(1, n):
+            value = F[r, i]
+            for j in range(n):
+                FP[r, j] += value * P[i, j]
     for i in range(n):
         for j in range(n):
-            FP[i, j] = decay[i] * P[i, j]
-    for r in range(coupled.size):
-        for j in range(n):
-            value = 0.0
-            for i in range(n):
-                value += rows[r, i] * P[i, j]
-            FP[coupled[r], j] = value
-    for i in range(n):
-        for j in range(i + 1):
-            value = FP[i, j] * decay[j]
-            P[i, j] = value
-            P[j, i] = value
-    for r in range(coupled.size):
+            P[i, j] *= kept[i] * kept[j]
+    for r in range(len(links)):
         for i in range(n):
+            value = FP[r, i] * kept[i]
+            P[i, coupled[r]] = value
+            P[coupled[r], i] = value
+    for r in range(len(links)):
+        for s in range(r + 1):
             value = 0.0
             for j in range(n):
-                value += FP[i, j] * rows[r, j]
-            P[i, coupled[r]] = value
-    for r in range(coupled.size):
-        for i in range(n):
-            P[coupled[r], i] = P[i, coupled[r]]
-    for r in range(coupled.size):
+                value += FP[r, j] * F[s, j]
+            P[coupled[r], coupled[s]] = value
+            P[coupled[s], coupled[r]] = value
         P[coupled[r], coupled[r]] += moved[r]
     d = problem.driven
     for i in range(n):
-        P[i, i] += noise[i]
+        P[i, i] += problem.noise[k, i]
         if i != d:
-            P[d, i] += cross[i]
-            P[i, d] += cross[i]
+            P[d, i] += problem.cross[k, i]
+            P[i, d] += problem.cross[k, i]
     for q in range(x.shape[1]):
-        for r in range(coupled.size):
-            value = shift[r, q]
+        for r in range(len(links)):
+            value = problem.shift[k, r, q]
             for i in range(n):
-                value += rows[r, i] * x[i, q]
+                value += F[r, i] * x[i, q]
             moved[r] = value
         for i in range(n):
-            x[i, q] *= decay[i]
-        for r in range(coupled.size):
+            x[i, q] *= kept[i]
+        for r in range(len(links)):
             x[coupled[r], q] = moved[r]
 
 
 @njit(cache=True, nogil=True)
 def _filter(
     size: tuple[int, ...],
+    links: tuple[int, ...],
     problem: Problem,
     keep: bool,
     means: np.ndarray,
@@ -174,12 +202,13 @@ def _filter(
     n = len(size)
     m, p = problem.observed.shape
     c = problem.observed_by.shape[1]
-    x = np.zeros((n, 1 + c))
+    x, innovation, moved = np.zeros((n, 1 + c)), np.empty(1 + c), np.empty(len(links))
     x[:, 0] = problem.mean_0
-    P = problem.covariance_0.copy()
-    FP, moved = np.empty((n, n)), np.empty(problem.coupled.size)
-    gain, row, innovation = np.empty(n), np.empty(n), np.empty(1 + c)
-    log_likelihood = 0.0
+    room = np.zeros((4, n, n))
+    P, F, FP = room[0], room[1], room[2]
+    gain, row, kept = room[3, 0], room[3, 1], room[3, 2]
+    P[:] = problem.covariance_0
+    squares, logarithms, product = 0.0, 0.0, 1.0
     for k in range(m):
         for j in range(p):
             y = problem.observed[k, j]
@@ -187,20 +216,13 @@ def _filter(
                 innovation[0] = y
                 for q in range(c):
                     innovation[1 + q] = problem.observed_by[j, q]
-                total = _update(
-                    size,
-                    x,
-                    P,
-                    problem.seen[j, 0],
-                    problem.seen[j, 1],
-                    problem.weight[j, 0],
-                    problem.weight[j, 1],
-                    problem.variance[k, j],
-                    innovation,
-                    gain,
-                    row,
-                )
-                log_likelihood -= 0.5 * (math.log(2.0 * math.pi * total) + innovation[0] * innovation[0] / total)
+                a, b, h, g = problem.seen[j, 0], problem.seen[j, 1], problem.weight[j, 0], problem.weight[j, 1]
+                total = _update(size, x, P, a, b, h, g, problem.variance[k, j], innovation, gain, row)
+                squares += innovation[0] * innovation[0] / total
+                product *= 2.0 * math.pi * total
+                if not 1e-100 < product < 1e100:
+                    logarithms += math.log(product)
+                    product = 1.0
                 if keep:
                     variances[k, j] = total
                     for i in range(n):
@@ -217,13 +239,14 @@ def _filter(
                 for j in range(n):
                     covariances[k, i, j] = P[i, j]
         if k < m - 1:
-            _predict(size, problem, k, x, P, moved, FP)
-    return log_likelihood
+            _predict(size, links, problem, k, x, P, kept, moved, F, FP)
+    return -0.5 * (squares + logarithms + math.log(product))
 
 
 @njit(cache=True, nogil=True)
 def _smooth(
     size: tuple[int, ...],
+    links: tuple[int, ...],
     problem: Problem,
     means: np.ndarray,
     covariances: np.ndarray,
@@ -239,92 +262,86 @@ def _smooth(
     m, p = problem.observed.shape
     c = problem.observed_by.shape[1]
     coupled = problem.coupled
-    a, A = np.zeros((n, 1 + c)), np.zeros((n, n))
-    column, pivots, work, out, old = (
-        np.empty(n),
-        np.empty(n),
-        np.empty((n, n)),
-        np.empty((n, n)),
-        np.empty((coupled.size, 1 + c)),
-    )
+    a, old = np.zeros((n, 1 + c)), np.empty((len(links), 1 + c))
+    room = np.zeros((6, n, n))
+    A, P, F, work, out = room[0], room[1], room[2], room[3], room[4]
+    column, gain, kept = room[5, 0], room[5, 1], room[5, 2]
     for k in range(m - 1, -1, -1):
         if k < m - 1:  # a ← Fᵀ a, A ← Fᵀ A F
-            decay, rows = problem.decay[k], problem.rows[k]
-            for r in range(coupled.size):
-                for q in range(1 + c):
+            _transition(size, links, problem, k, kept, F)
+            for q in range(1 + c):
+                for r in range(len(links)):
                     old[r, q] = a[coupled[r], q]
-                    a[coupled[r], q] = 0.0
-            for i in range(n):
-                for q in range(1 + c):
-                    a[i, q] *= decay[i]
-                    for r in range(coupled.size):
-                        a[i, q] += rows[r, i] * old[r, q]
+                for i in range(n):
+                    value = a[i, q] * kept[i]
+                    for r in range(len(links)):
+                        value += F[r, i] * old[r, q]
+                    a[i, q] = value
             for i in range(n):
                 for j in range(n):
-                    work[i, j] = A[i, j] * decay[j]
-                for r in range(coupled.size):
-                    work[i, coupled[r]] = 0.0
-                for r in range(coupled.size):
+                    work[i, j] = A[i, j] * kept[j]
+                for r in range(len(links)):
+                    value = A[i, coupled[r]]
                     for j in range(n):
-                        work[i, j] += A[i, coupled[r]] * rows[r, j]
-            for j in range(n):
+                        work[i, j] += value * F[r, j]
+            for i in range(n):
+                for j in range(n):
+                    A[i, j] = work[i, j] * kept[i]
+            for r in range(len(links)):
                 for i in range(n):
-                    A[i, j] = work[i, j] * decay[i]
-                for r in range(coupled.size):
-                    A[coupled[r], j] = 0.0
-                for r in range(coupled.size):
-                    for i in range(n):
-                        A[i, j] += rows[r, i] * work[coupled[r], j]
+                    value = F[r, i]
+                    for j in range(n):
+                        A[i, j] += value * work[coupled[r], j]
             for i in range(n):
                 for j in range(i):  # what is not symmetric would grow
                     A[j, i] = A[i, j]
-        P = covariances[k]
         for i in range(n):
             for j in range(n):
-                value = 0.0
-                for q in range(n):
-                    value += P[i, q] * A[q, j]
-                work[i, j] = value
+                P[i, j] = covariances[k, i, j]
+                out[i, j] = covariances[k, i, j]
         for i in range(n):
-            for j in range(i + 1):
-                value = P[i, j]
-                for q in range(n):
-                    value -= work[i, q] * P[q, j]
-                out[i, j] = value
-        for j in range(n):  # P − P A P = L D Lᵀ
-            pivot = out[j, j]
-            for q in range(j):
-                pivot -= work[j, q] * work[j, q] * pivots[q]
-            if not pivot > LEAST * P[j, j]:
-                return False
-            pivots[j] = pivot
-            for i in range(j + 1, n):
-                value = out[i, j]
-                for q in range(j):
-                    value -= work[i, q] * work[j, q] * pivots[q]
-                work[i, j] = value / pivot
+            for j in range(n):
+                work[i, j] = P[i, 0] * A[0, j]
+            for q in range(1, n):
+                value = P[i, q]
+                for j in range(n):
+                    work[i, j] += value * A[q, j]
+        for i in range(n):
+            for q in range(n):
+                value = work[i, q]
+                for j in range(n):
+                    out[i, j] -= value * P[q, j]
         for i in range(n):
             for q in range(1 + c):
                 value = 0.0
                 for j in range(n):
                     value += P[i, j] * a[j, q]
                 means[k, i, q] -= value
-        for i in range(n):
             for j in range(i + 1):
-                P[i, j] = out[i, j]
-                P[j, i] = out[i, j]
+                covariances[k, i, j] = out[i, j]
+                covariances[k, j, i] = out[i, j]
+        for j in range(n):  # P − P A P = L D Lᵀ
+            pivot = out[j, j]
+            if not pivot > LEAST * P[j, j]:
+                return False
+            inverse = 1.0 / pivot
+            for i in range(j + 1, n):
+                value = out[i, j] * inverse
+                for q in range(j + 1, i + 1):
+                    out[i, q] -= value * out[q, j]
         for j in range(p - 1, -1, -1):
             total = variances[k, j]
             if math.isnan(total):
                 continue
             # a ← Cᵀ a − h ν/S, A ← Cᵀ A C + h hᵀ/S with C = I − K hᵀ
-            gain = gains[k, j]
             square = 1.0 / total
             for i in range(n):
-                value = 0.0
-                for q in range(n):
-                    value += A[i, q] * gain[q]
-                column[i] = value
+                gain[i] = gains[k, j, i]
+                column[i] = 0.0
+            for q in range(n):
+                value = gain[q]
+                for i in range(n):
+                    column[i] += A[q, i] * value
             for i in range(n):
                 square += gain[i] * column[i]
             for s in range(2):
@@ -348,6 +365,7 @@ def _smooth(
 @njit(cache=True, nogil=True)
 def _ahead(
     size: tuple[int, ...],
+    links: tuple[int, ...],
     problem: Problem,
     steps: np.ndarray,
     stride: int,
@@ -358,10 +376,12 @@ def _ahead(
     """Fill `error` and `variance` (starts, s, p); see `predictions`."""
     n = len(size)
     m, p = problem.observed.shape
-    x, P, row, gain = np.zeros((n, 1)), problem.covariance_0.copy(), np.empty(n), np.empty(n)
+    x, y, innovation, moved = np.zeros((n, 1)), np.zeros((n, 1)), np.empty(1), np.empty(len(links))
     x[:, 0] = problem.mean_0
-    y, Y, FP, moved = x.copy(), P.copy(), np.empty((n, n)), np.empty(problem.coupled.size)
-    innovation = np.empty(1)
+    room = np.zeros((5, n, n))
+    P, Y, F, FP = room[0], room[1], room[2], room[3]
+    gain, row, kept = room[4, 0], room[4, 1], room[4, 2]
+    P[:] = problem.covariance_0
     for k in range(m):
         for j in range(p):
             innovation[0] = problem.observed[k, j]
@@ -374,14 +394,14 @@ def _ahead(
                 continue
             y[:], Y[:] = x, P
             for on in range(k, ahead):
-                _predict(size, problem, on, y, Y, moved, FP)
+                _predict(size, links, problem, on, y, Y, kept, moved, F, FP)
             for j in range(p):
                 a, b, h, g = problem.seen[j, 0], problem.seen[j, 1], problem.weight[j, 0], problem.weight[j, 1]
                 spread = h * h * Y[a, a] + 2.0 * h * g * Y[a, b] + g * g * Y[b, b]
                 error[k // stride, s, j] = problem.observed[ahead, j] - h * y[a, 0] - g * y[b, 0]
                 variance[k // stride, s, j] = spread + problem.variance[ahead, j]
         if k < m - 1:
-            _predict(size, problem, k, x, P, moved, FP)
+            _predict(size, links, problem, k, x, P, kept, moved, F, FP)
 
 
 @njit(cache=True, nogil=True)
@@ -426,7 +446,9 @@ def _congruence(size: tuple[int, ...], P: np.ndarray, B: np.ndarray, work: np.nd
 
 
 @njit(cache=True, nogil=True)
-def _by_squares(size: tuple[int, ...], problem: Problem, means: np.ndarray, covariances: np.ndarray) -> None:
+def _by_squares(
+    size: tuple[int, ...], links: tuple[int, ...], problem: Problem, means: np.ndarray, covariances: np.ndarray
+) -> None:
     """Turn filtered into smoothed moments, in place, from the last instant but one back.
 
     With C = P Fᵀ (F P Fᵀ + Q)⁻¹: x + C (x⁺ − F x − shift) and (I − C F) P (I − C F)ᵀ + C (P⁺ + Q) Cᵀ, sums of
@@ -435,8 +457,9 @@ def _by_squares(size: tuple[int, ...], problem: Problem, means: np.ndarray, cova
     n = len(size)
     coupled, d = problem.coupled, problem.driven
     columns = means.shape[2]
-    x, moved, P, C = np.empty((n, columns)), np.empty(coupled.size), np.empty((n, n)), np.empty((n, n))
-    G, work, out = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    x, moved, kept = np.empty((n, columns)), np.empty(len(links)), np.empty(n)
+    room = np.zeros((7, n, n))
+    P, C, F, FP, G, work, out = room[0], room[1], room[2], room[3], room[4], room[5], room[6]
     for k in range(problem.observed.shape[0] - 2, -1, -1):
         here, after = covariances[k], covariances[k + 1]
         for i in range(n):
@@ -444,19 +467,21 @@ def _by_squares(size: tuple[int, ...], problem: Problem, means: np.ndarray, cova
                 x[i, q] = means[k, i, q]
             for j in range(n):
                 P[i, j] = here[i, j]
-        _predict(size, problem, k, x, P, moved, C)
-        _solve_in_place(size, P, C)  # now Cᵀ
-        decay, rows, noise, cross = problem.decay[k], problem.rows[k], problem.noise[k], problem.cross[k]
+        _predict(size, links, problem, k, x, P, kept, moved, F, FP)
         for i in range(n):
             for q in range(n):
-                G[i, q] = -decay[i] * C[i, q]
-        for r in range(coupled.size):
+                C[i, q] = kept[i] * here[i, q]
+        for r in range(len(links)):
             for q in range(n):
-                G[coupled[r], q] = 0.0
-        for r in range(coupled.size):
+                C[coupled[r], q] = FP[r, q]
+        _solve_in_place(size, P, C)  # C was F P, now Cᵀ
+        for i in range(n):
+            for q in range(n):
+                G[i, q] = -kept[i] * C[i, q]
+        for r in range(len(links)):
             for i in range(n):
                 for q in range(n):
-                    G[i, q] -= rows[r, i] * C[coupled[r], q]
+                    G[i, q] -= F[r, i] * C[coupled[r], q]
         for i in range(n):
             G[i, i] += 1.0
         for q in range(columns):
@@ -469,16 +494,21 @@ def _by_squares(size: tuple[int, ...], problem: Problem, means: np.ndarray, cova
                 out[i, j] = 0.0
                 P[i, j] = after[i, j]
         for i in range(n):
-            P[i, i] += noise[i]
+            P[i, i] += problem.noise[k, i]
             if i != d:
-                P[d, i] += cross[i]
-                P[i, d] += cross[i]
+                P[d, i] += problem.cross[k, i]
+                P[i, d] += problem.cross[k, i]
         _congruence(size, here, G, work, out)
         _congruence(size, P, C, work, out)
         for i in range(n):
             for j in range(i + 1):
                 here[i, j] = 0.5 * (out[i, j] + out[j, i])
                 here[j, i] = here[i, j]
+
+
+def _sizes(problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return `size` and `links` for the kernels."""
+    return (0,) * problem.mean_0.size, (0,) * problem.coupled.size
 
 
 def solve(problem: Problem) -> Solution:
@@ -495,13 +525,13 @@ def solve(problem: Problem) -> Solution:
         Smoothed moments, innovations and the log-likelihood of the measurements.
     """
     (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
-    size = (0,) * n
+    size, links = _sizes(problem)
     means, covariances = np.empty((m, n, 1 + c)), np.empty((m, n, n))
     gains, innovations, variances = np.empty((m, p, n)), np.empty((m, p, 1 + c)), np.empty((m, p))
-    log_likelihood = _filter(size, problem, True, means, covariances, gains, innovations, variances)
-    if not _smooth(size, problem, means, covariances, gains, innovations, variances):
-        _filter(size, problem, True, means, covariances, gains, innovations, variances)
-        _by_squares(size, problem, means, covariances)
+    log_likelihood = _filter(size, links, problem, True, means, covariances, gains, innovations, variances)
+    if not _smooth(size, links, problem, means, covariances, gains, innovations, variances):
+        _filter(size, links, problem, True, means, covariances, gains, innovations, variances)
+        _by_squares(size, links, problem, means, covariances)
     return Solution(means, covariances, innovations[:, :, 0], variances, log_likelihood)
 
 
@@ -510,7 +540,14 @@ def innovations(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
     found, variances = np.full((m, p, 1 + c), np.nan), np.empty((m, p))
     _filter(
-        (0,) * n, problem, True, np.empty((m, n, 1 + c)), np.empty((m, n, n)), np.empty((m, p, n)), found, variances
+        *_sizes(problem),
+        problem,
+        True,
+        np.empty((m, n, 1 + c)),
+        np.empty((m, n, n)),
+        np.empty((m, p, n)),
+        found,
+        variances,
     )
     return found, variances
 
@@ -541,14 +578,14 @@ def predictions(
     shape = (-(-m // stride), len(steps), p)
     error, variance = np.full(shape, np.nan), np.full(shape, np.nan)
     alone = problem._replace(shift=np.ascontiguousarray(problem.shift[:, :, :1]))
-    _ahead((0,) * problem.mean_0.size, alone, np.array(steps), stride, last, error, variance)
+    _ahead(*_sizes(problem), alone, np.array(steps), stride, last, error, variance)
     return error, variance
 
 
 def log_likelihood(problem: Problem) -> float:
     """Return the log-likelihood of the measurements of `problem`, by the filter alone."""
-    n, three = problem.mean_0.size, np.empty((0, 0, 0))
-    value: float = _filter((0,) * n, problem, False, three, three, three, three, np.empty((0, 0)))
+    three = np.empty((0, 0, 0))
+    value: float = _filter(*_sizes(problem), problem, False, three, three, three, three, np.empty((0, 0)))
     return value
 
 

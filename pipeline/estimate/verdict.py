@@ -35,5 +35,5 @@ def verdict(
     reason[level & (weak | depth_alone)] = "powered and near level: depth carries no speed and no fixes determine it"
     reason[np.isnan(speed)] = "lift and drag of the vehicle are not known"
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
-    reason[series.surfaced] = "at the surface"
+    reason[series.afloat] = "at the surface"
     return reason
