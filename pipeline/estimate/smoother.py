@@ -85,7 +85,8 @@ def _update(
 ) -> float:
     """Update `x` and `P` in place; `innovation` (1 + c,) comes in as the measurement, goes out as innovation."""
     n = len(size)
-    total, lost = variance, ROUNDING
+    total: float = variance
+    lost = ROUNDING
     if weight_b == 0.0:
         for i in range(n):
             row[i] = weight_a * P[a, i]
