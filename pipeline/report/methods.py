@@ -42,7 +42,7 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
     ]
     if len(inputs.force):
         out.append(
-            "The force estimate takes the same as theory, adjusted to the depth rate; it is shown beside the measured "
+            "The force estimate takes the same as theory, adjusted to this mission; it is shown beside the measured "
             "side and is never compared with theory."
         )
     correction = mission.pitch
@@ -83,11 +83,11 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
     if gps:
         text += " In level flight under propeller the speed came from GPS fixes at the ends of submerged legs."
     if len(inputs.force):
+        told = "the depth rate and the speed sensor" if sensor_used else "the depth rate"
         text += (
-            " A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, its "
-            "drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to the depth rate by the "
-            "filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were considered "
-            "(Schmidt, 1966)."
+            f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, its "
+            f"drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to {told} by the filter-error "
+            f"method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were considered (Schmidt, 1966)."
         )
     if sensor_used:
         text += " The speed sensor entered the estimate."

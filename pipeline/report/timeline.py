@@ -215,7 +215,7 @@ def flight(
     both = ""
     if len(force):
         both = (
-            " Brown: theory with the parameters adjusted to the depth rate (the force estimate), which borrows net "
+            " Brown: theory with the parameters adjusted to this mission (the force estimate), which borrows net "
             "buoyancy, thrust and all coefficients."
         )
     return Picture(
@@ -226,7 +226,7 @@ def flight(
         f"Measured (blue) against time for {shown}: depth, pitch and engines as logged; speed, angle of attack and "
         "vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift to drag alone."
         f"{both} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
-        "held. Hatched: depth and pitch do not determine the speed there, so the kinematic estimate gives none.",
+        "held. Hatched: the data do not determine the speed there, so the kinematic estimate gives none.",
     )
 
 
