@@ -87,7 +87,8 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
         text += (
             f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, "
             f"its drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to {told} by the "
-            f"filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were considered (Schmidt, 1966)."
+            f"filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were "
+            f"considered (Schmidt, 1966)."
         )
     if sensor_used:
         text += " The speed sensor entered the estimate."
