@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from pipeline.estimate.force import HULL_TIME, PARAMETERS, Craft
@@ -18,7 +20,7 @@ def series(time: np.ndarray, pitch: np.ndarray | float, depth: np.ndarray | floa
     nothing, never = np.full(m, np.nan), np.zeros(m, dtype=bool)
     measured = {"depth": depth, "pitch": pitch, "pitch_guess": pitch, "depth_rate_guess": np.zeros(m)}
     unmeasured = dict.fromkeys(("speed", "speed_std", "east", "north", "heading", "stratification"), nothing)
-    flags = ("powered", "manoeuvre", "gentle", "surfaced", "unmeasured", "cruising", "new_setting")
+    flags = {field.name for field in fields(Series)} - {"start", "time", *measured, *unmeasured}
     return Series(start=0.0, time=time, **measured, **unmeasured, **dict.fromkeys(flags, never))
 
 
@@ -31,7 +33,8 @@ def inputs(
         return np.broadcast_to(value, m).astype(np.float64)
 
     by = {name: held(slopes.get(name, 0.0)) for name in ("by_compression", "by_expansion", "by_time")}
-    return Forcing(net_buoyancy=held(net_buoyancy), density=held(density), propeller_speed=held(propeller_speed), **by)
+    given = {"net_buoyancy": net_buoyancy, "density": density, "propeller_speed": propeller_speed, "doubt": 0.0}
+    return Forcing(**{name: held(value) for name, value in given.items()}, **by)
 
 
 def craft(vehicle: Vehicle, **values: float) -> Craft:
