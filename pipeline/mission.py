@@ -34,7 +34,9 @@ class Ballast(_Strict):
     neutral_density: float | None = Field(
         None, gt=900, lt=1100, description="kg/m3, density in which the vehicle hangs with the engine at zero"
     )
-    std: float = Field(0.3, ge=0, description="N, 1-sigma of the constant part of net buoyancy")
+    std: float = Field(
+        1.0, ge=0, description="N, 1-sigma of the constant part of net buoyancy; 100 g of ballast unless known better"
+    )
 
     @model_validator(mode="after")
     def _one_of(self) -> Ballast:

@@ -45,13 +45,13 @@ STEPS, STILL = 15, 1e-3
 SEARCHES = (2, 5)
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
 #: not as believed, and contradicted by the data it gives way.
-YIELDING = 1.0
+YIELDING = 2.0
 #: A value this many 1-sigma from what was known before contradicts it.
 CONTRADICTED = 2.0
 #: The data are said to determine a parameter when its 1-sigma falls below this share of what it was.
 DETERMINED = 0.5
 #: Noise levels found by likelihood, with the 1-sigma of the logarithm.
-SEARCHED = {"sigma_w": 0.6, "tau_w": 0.5, "depth_noise": 1.0, "swell": 2.0, "force_drift": 2.0, "load": 1.0}
+SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "depth_noise": 1.0, "swell": 2.0, "force_drift": 2.0, "load": 1.0}
 
 
 class Stretch(NamedTuple):
@@ -190,7 +190,8 @@ def _likeliest(
 ) -> Settings:
     """Return settings with the noise levels of `SEARCHED` at the maximum of likelihood times prior.
 
-    σ of w_w is the root mean square over its posterior: what is not known of it widens the intervals.
+    σ² of w_w, and σ²τ on which its mean over a long glide depends, are means over their posterior, as in
+    `noise.likeliest`: what is not known of them widens the intervals.
     """
     names = list(SEARCHED)
     median = np.log([getattr(Settings(), name) if name != "depth_noise" else settings.depth_noise for name in names])
@@ -208,7 +209,9 @@ def _likeliest(
     start = (np.log([getattr(settings, name) for name in names]) - median) / spread
     best = minimize(cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3})
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
-    found["sigma_w"] *= float(np.exp(covariance(cost, best.x)[0, 0] * spread[0] ** 2))
+    open_ = covariance(cost, best.x) * np.outer(spread, spread)
+    found["sigma_w"] *= float(np.exp(open_[0, 0]))
+    found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
     return settings._replace(**found)
 
 

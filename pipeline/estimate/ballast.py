@@ -15,6 +15,8 @@ from pipeline.vehicle import Vehicle
 
 #: 1-sigma (N) of net buoyancy where nothing is known but that the vehicle can both sink and float.
 ASSUMED_STD = 2.0
+#: The same where the logs carry the hull's volume and mission.yaml no 1-sigma.
+LOGGED_STD = 0.5
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ def hull(
     if mission.ballast.neutral_density is not None:
         return Hull(mass, mass / mission.ballast.neutral_density, mission.ballast.std), []
     if "hull_volume" in constants:
-        return Hull(mass, constants["hull_volume"], max(mission.ballast.std, 0.5)), []
+        stated = "std" in mission.ballast.model_fields_set
+        return Hull(mass, constants["hull_volume"], mission.ballast.std if stated else LOGGED_STD), []
     density = records["density"].to_numpy()
     if not np.isfinite(density).any():
         return None, [

@@ -33,7 +33,7 @@ def short(records: pd.DataFrame, rows: int) -> pd.DataFrame:
     return records.iloc[start : start + rows].reset_index(drop=True)
 
 
-@pytest.mark.parametrize("name", [GLIDING, CLIMBING])
+@pytest.mark.parametrize("name", [GLIDING, LEVEL, CLIMBING])
 def test_true_speed_lies_in_the_95_percent_interval_for_90_percent_or_more(
     trial: Callable[[str], Trial], name: str
 ) -> None:
