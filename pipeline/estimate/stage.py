@@ -365,7 +365,14 @@ def part(records: pd.DataFrame, prepared: Prepared) -> Part:
             flights.append(("force", *by_force, False))
     steady = ~(series.manoeuvre | series.surfaced)
     for method, flight, problem, solution, depth_alone in flights:
-        reason = verdict(series, flight.state[0], flight.std[0], flight.steady, depth_alone=depth_alone)
+        reason = verdict(
+            series,
+            flight.state[0],
+            flight.std[0],
+            flight.steady,
+            depth_alone=depth_alone,
+            glide=method == "kinematic",
+        )
         tables.append(_table(records, method, flight, reason))
         seen = reason == ""
         held_out = _held_out(series, flight, seen) if mission.speed_sensor == "check" else None

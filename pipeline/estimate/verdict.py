@@ -11,7 +11,13 @@ OBSERVABLE = 0.2
 
 
 def verdict(
-    series: Series, speed: np.ndarray, speed_std: np.ndarray, steady: np.ndarray, *, depth_alone: bool
+    series: Series,
+    speed: np.ndarray,
+    speed_std: np.ndarray,
+    steady: np.ndarray,
+    *,
+    depth_alone: bool,
+    glide: bool = True,
 ) -> np.ndarray:
     """Return for every record why its speed is unobservable, or "" where the data determine it; shape (m,).
 
@@ -25,12 +31,15 @@ def verdict(
         Where the pitch is steep enough for a glide.
     depth_alone
         Neither a speed sensor nor fixes are used: then powered level flight is unobservable whatever the filter says.
+    glide
+        The angle of attack is borrowed from steady glides.
     """
     weak = ~(speed_std <= OBSERVABLE * speed)
     level = series.powered & (np.abs(series.pitch_guess) < LEVEL)
     reason = np.full(speed.size, "", dtype=object)
     reason[weak] = "the 1-sigma exceeds 20 % of the speed"
-    reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
+    if glide:
+        reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
     reason[weak & ~steady] = "near level: depth carries no speed"
     reason[level & (weak | depth_alone)] = "powered and near level: depth carries no speed and no fixes determine it"
     reason[np.isnan(speed)] = "lift and drag of the vehicle are not known"
