@@ -22,6 +22,12 @@ SHARE = 0.5
 #: 1-sigma (m/s) of what a speed sensor's mean is off by, whatever the number of samples.
 SENSOR_FLOOR = 0.005
 
+_STATES = ("speed", "angle_of_attack", "path_angle")
+#: Columns that block means are made of.
+_ESTIMATED = ["observable", "reason", "pitch", *_STATES, *(f"{name}_std" for name in _STATES)]
+_JUDGED = ("pitch", "pressure", "speed_through_water")
+_READ = ["time", "dive", "depth", "density", "temperature", "battery_position", *_JUDGED, *(f"{x}_qc" for x in _JUDGED)]
+
 NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
 
 
@@ -76,8 +82,13 @@ def means(
     gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
     rows: list[dict[str, Any]] = []
-    for block in np.unique(number[number >= 0]):
-        inside = np.flatnonzero(number == block)
+    records, estimates = records[_READ], estimates[_ESTIMATED]
+    for block, first, count in zip(*np.unique(number, return_index=True, return_counts=True), strict=True):
+        if block < 0:
+            continue
+        inside: Any = slice(first, first + count)
+        if (number[inside] != block).any():
+            inside = np.flatnonzero(number == block)
         part = records.iloc[inside]
         row: dict[str, Any] = {
             "block": block,
@@ -105,11 +116,10 @@ def _flight(part: pd.DataFrame) -> dict[str, Any]:
     if seen.mean() < SHARE:
         reasons = part.loc[~seen, "reason"]
         return {"used": False, "reason": f"speed unobservable: {reasons.mode().iloc[0]}"}
-    good = part[seen]
     row: dict[str, Any] = {"used": True, "reason": ""}
-    for name in ("speed", "angle_of_attack", "path_angle"):
-        row[name] = float(good[name].mean())
-        row[f"{name}_std"] = float(np.sqrt(np.mean(good[f"{name}_std"] ** 2)))
+    for name in _STATES:
+        row[name] = float(part[name].to_numpy()[seen].mean())
+        row[f"{name}_std"] = float(np.sqrt(np.mean(part[f"{name}_std"].to_numpy()[seen] ** 2)))
     return row
 
 
