@@ -32,6 +32,16 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
     "amadeus": ("slocum/misc", "amadeus*", "vehicle: slocum-g2\n"),
     "sg249": ("seaglider/sg249_nanoos2024", "p*.nc", "vehicle: seaglider-sgx\n"),
     "sg542": ("seaglider/sg542", "p*.nc", "vehicle: seaglider\n"),
+    "sg167": ("seaglider/sg167", "p*.nc", "vehicle: seaglider\n"),
+    "sg561": ("seaglider/sg561_lofoten2016", "p*.nc", "vehicle: seaglider\n"),
+    "kolumbo": (
+        "slocum/kolumbo2019_hybrid",
+        "glider_data.csv",
+        "vehicle: slocum-thruster\nlatitude: 36.5\nlongitude: 25.5\n"
+        "files: {glider_data.csv: {columns: {depth: {column: z, unit: m}, pitch: {column: pitch, unit: deg}, "
+        "roll: {column: roll, unit: deg}, buoyancy_volume: {column: pump_vol, unit: cc}, "
+        "propeller_power: {column: mot_pwr, unit: W}}, ignore: [lat, lon, yaw]}}\n",
+    ),
 }
 
 #: Random error of comet's DVL, m/s.
