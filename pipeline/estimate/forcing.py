@@ -11,6 +11,7 @@ import pandas as pd
 from numba import njit
 
 from pipeline.estimate.ballast import Hull
+from pipeline.estimate.series import increasing
 from pipeline.mission import Mission
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import seconds, usable
@@ -44,7 +45,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
     body
         Mass and volume.
     """
-    time = seconds(records["time"])
+    time = increasing(seconds(records["time"]))
     pressure = _between(time, np.where(usable(records, "pressure"), records["pressure"].to_numpy(), np.nan))
     temperature, density, engine = (
         _between(time, records[name].to_numpy()) for name in ("temperature", "density", "buoyancy_volume")

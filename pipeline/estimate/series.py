@@ -77,7 +77,7 @@ def powered(records: pd.DataFrame) -> np.ndarray:
 
 def from_records(records: pd.DataFrame) -> Series:
     """Return the arrays the estimators work on, from the canonical records."""
-    time = seconds(records["time"])
+    time = increasing(seconds(records["time"]))
     start = float(time[0])
     time = time - start
     depth = np.where(usable(records, "pressure"), records["depth"].to_numpy(), np.nan)
@@ -116,6 +116,14 @@ def from_records(records: pd.DataFrame) -> Series:
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
     )
+
+
+def increasing(time: np.ndarray) -> np.ndarray:
+    """Return `time`, s, shape (m,), strictly increasing: what stands or runs back follows by a millisecond."""
+    if not (np.diff(time) <= 0.0).any():
+        return time
+    step = 1e-3 * np.arange(time.size)
+    return np.asarray(np.maximum.accumulate(time - step) + step)
 
 
 def _interpolate(time: np.ndarray, value: np.ndarray) -> np.ndarray:

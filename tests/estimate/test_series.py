@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.series import AFTER, BEFORE, EARTH_RADIUS, from_records, powered
+from pipeline.estimate.series import AFTER, BEFORE, EARTH_RADIUS, from_records, increasing, powered
 from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
 
 
@@ -35,11 +35,17 @@ def test_steady_sinking_is_no_manoeuvre_and_its_depth_rate_is_found() -> None:
 
 
 def test_a_pitch_step_is_a_manoeuvre_with_its_margins_and_no_more() -> None:
-    pitch = np.where(np.arange(1200) < 600, -0.4, 0.4)
-    manoeuvre = from_records(flight(pitch=pitch)).manoeuvre
+    time = np.arange(1200.0)
+    pitch = np.where(time < 600, -0.4, 0.4)
+    depth = 120.0 - 0.2 * np.abs(time - 600.0)
+    manoeuvre = from_records(flight(pitch=pitch, depth=depth, pressure=depth)).manoeuvre
     assert manoeuvre[600 - int(BEFORE) : 600 + int(AFTER)].all()
     assert not manoeuvre[: 600 - int(BEFORE) - 20].any()
     assert not manoeuvre[600 + int(AFTER) + 20 :].any()
+
+
+def test_sinking_nose_up_is_a_manoeuvre() -> None:
+    assert from_records(flight(pitch=0.4)).manoeuvre[100:-100].all()
 
 
 def test_a_propeller_setting_holds_until_the_next_report() -> None:
@@ -89,3 +95,11 @@ def test_cruises_are_the_held_stretches_of_the_level_trial(trial: Callable[[str]
     assert np.mean(np.abs(pitch - 3.5) < 1.0) > 0.97
     assert not series.new_setting.any()
     assert not from_records(trial("petrel2-scs-2014").records).cruising.any()
+
+
+def test_a_clock_that_stands_or_runs_back_is_made_to_run_on() -> None:
+    np.testing.assert_array_equal(increasing(np.array([0.0, 1.0, 3.0])), [0.0, 1.0, 3.0])
+    mended = increasing(np.array([0.0, 1.0, 1.0, 0.5, 4.0]))
+    assert (np.diff(mended) > 0.0).all()
+    assert mended[-1] == 4.0
+    assert mended[:4] == pytest.approx([0.0, 1.0, 1.001, 1.002], abs=2e-3)
