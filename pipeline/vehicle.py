@@ -8,13 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline.findings import InputError, nearest
 
+if TYPE_CHECKING:
+    import numpy as np
+
 FOLDER = Path(__file__).parent / "vehicles"
+#: Keys of a vehicle file; `correlations` may be left out.
+KEYS = ("name", "description", "coefficients", "correlations")
+#: By how much an eigenvalue of a correlation matrix whose numbers were rounded may fall below zero.
+ROUNDED = 1e-3
 
 
 class Quantity(NamedTuple):
@@ -98,11 +105,16 @@ class Propeller(NamedTuple):
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle: its name, what it is, and its coefficients by name (see `KNOWN`)."""
+    """A vehicle: its name, what it is, and its coefficients by name (see `KNOWN`).
+
+    `correlations` holds the correlation of the errors of two coefficients that were found together, by their names;
+    those of all other pairs are taken as none.
+    """
 
     name: str
     description: str
     coefficients: Mapping[str, Coefficient]
+    correlations: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> float:
         """Return the value of coefficient `name`; NaN where the vehicle file leaves it unknown."""
@@ -131,7 +143,8 @@ class Vehicle:
     def with_values(self, changes: Mapping[str, float], source: str) -> Vehicle:
         """Return the vehicle with some coefficients replaced, their relative 1-sigma kept.
 
-        The 1-sigma stays as it is where the old value is zero, and unknown where it is unknown.
+        The 1-sigma stays as it is where the old value is zero, and unknown where it is unknown. A coefficient that is
+        replaced is correlated with no other any more.
 
         Raises
         ------
@@ -144,7 +157,8 @@ class Vehicle:
             if self[name] and math.isfinite(self[name]):
                 std *= abs(value / self[name])
             changed[name] = Coefficient(float(value), std, KNOWN[name].unit, source)
-        return replace(self, coefficients=changed)
+        kept = {pair: value for pair, value in self.correlations.items() if not set(pair) & set(changes)}
+        return replace(self, coefficients=changed, correlations=kept)
 
 
 def names() -> list[str]:
@@ -189,18 +203,69 @@ def parse(content: Any, file: str) -> Vehicle:
     Raises
     ------
     InputError
-        If a coefficient is unknown, lacks a value, 1-sigma, unit or source, or has an impossible value.
+        If a coefficient is unknown, lacks a value, 1-sigma, unit or source, or has an impossible value; or if the
+        correlations are not those of any errors.
     """
     if not isinstance(content, dict) or not isinstance(content.get("coefficients"), dict):
         raise InputError(file, found="no 'coefficients'", expected="keys name, description, coefficients")
-    unknown = set(content) - {"name", "description", "coefficients"}
+    unknown = set(content) - set(KEYS)
     if unknown:
-        key = sorted(unknown)[0]
-        raise InputError(
-            file, key, found="an unknown key", remedy=nearest(key, ["name", "description", "coefficients"])
-        )
+        key = sorted(str(name) for name in unknown)[0]
+        raise InputError(file, key, found="an unknown key", remedy=nearest(key, list(KEYS)))
     coefficients = {str(name): _coefficient(str(name), entry, file) for name, entry in content["coefficients"].items()}
-    return Vehicle(str(content.get("name", Path(file).stem)), str(content.get("description", "")), coefficients)
+    return Vehicle(
+        str(content.get("name", Path(file).stem)),
+        str(content.get("description", "")),
+        coefficients,
+        _correlations(content.get("correlations", {}), coefficients, file),
+    )
+
+
+def _correlations(content: Any, coefficients: Mapping[str, Coefficient], file: str) -> dict[tuple[str, str], float]:
+    """Return the correlations of a vehicle file by pairs of names: a pair once, and no matrix that cannot be."""
+    if not isinstance(content, dict) or not all(isinstance(row, dict) for row in content.values()):
+        raise InputError(file, "correlations", found=f"{content!r}", expected="coefficient: {another: number}")
+    found: dict[tuple[str, str], float] = {}
+    for first, row in content.items():
+        for second, value in row.items():
+            where = f"correlations.{first}.{second}"
+            for name in (first, second):
+                if name not in coefficients:
+                    remedy = nearest(str(name), list(coefficients))
+                    raise InputError(file, where, found=f"'{name}', which has no value", remedy=remedy)
+                if not coefficients[name].std > 0.0:
+                    raise InputError(file, where, found=f"'{name}' without a 1-sigma", expected="one above zero")
+            if first == second or (second, first) in found:
+                raise InputError(file, where, found="a pair that needs none", expected="each pair of two once")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1.0:
+                raise InputError(file, where, found=f"{value!r}", expected="a number from -1 to 1")
+            found[first, second] = float(value)
+    if not found:
+        return found
+    import numpy as np
+
+    least = float(np.linalg.eigvalsh(correlation_matrix(found)[1])[0])
+    if least < -ROUNDED:
+        raise InputError(
+            file,
+            "correlations",
+            found=f"an eigenvalue of {least:.3g}",
+            expected="a matrix with none below zero",
+            remedy="no errors are correlated like this",
+        )
+    return found
+
+
+def correlation_matrix(correlations: Mapping[tuple[str, str], float]) -> tuple[list[str], np.ndarray]:
+    """Return the names that any correlation is given of, in order of appearance, and their matrix, shape (n, n)."""
+    import numpy as np
+
+    names = list(dict.fromkeys(name for pair in correlations for name in pair))
+    matrix = np.eye(len(names))
+    for (first, second), value in correlations.items():
+        i, j = names.index(first), names.index(second)
+        matrix[i, j] = matrix[j, i] = value
+    return names, matrix
 
 
 def _coefficient(name: str, entry: Any, file: str) -> Coefficient:

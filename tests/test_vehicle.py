@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 import yaml
@@ -317,3 +318,55 @@ def test_what_a_law_cannot_say_is_refused() -> None:
         vehicle.to_seaglider(lifting)
     with pytest.raises(ValueError, match=r"seaglider: found drag_exponent -0\.5; Slocum's law has none"):
         vehicle.to_slocum(vehicle.load("seaglider"))
+
+
+class TestCorrelations:
+    POLAR: ClassVar = {
+        name: {"value": 1.0, "std": 0.1, "unit": vehicle.KNOWN[name].unit, "source": "fit"}
+        for name in ("parasite_drag", "induced_drag", "lift_slope")
+    }
+
+    def content(self, correlations: object) -> dict[str, object]:
+        return {"name": "mine", "coefficients": self.POLAR, "correlations": correlations}
+
+    def test_are_kept_by_pairs(self) -> None:
+        found = vehicle.parse(self.content({"parasite_drag": {"induced_drag": -0.4, "lift_slope": 0}}), "mine.yaml")
+        assert found.correlations == {("parasite_drag", "induced_drag"): -0.4, ("parasite_drag", "lift_slope"): 0.0}
+        names, matrix = vehicle.correlation_matrix(found.correlations)
+        assert names == ["parasite_drag", "induced_drag", "lift_slope"]
+        assert matrix.tolist() == [[1.0, -0.4, 0.0], [-0.4, 1.0, 0.0], [0.0, 0.0, 1.0]]
+
+    def test_of_a_coefficient_that_is_replaced_are_dropped(self) -> None:
+        found = vehicle.parse(
+            self.content({"parasite_drag": {"induced_drag": 0.5}, "lift_slope": {"induced_drag": 0.1}}), "mine.yaml"
+        )
+        changed = found.with_values({"parasite_drag": 2.0}, "mission.yaml")
+        assert changed.correlations == {("lift_slope", "induced_drag"): 0.1}
+
+    @pytest.mark.parametrize(
+        ("correlations", "line"),
+        [
+            ([0.5], "mine.yaml: correlations: found [0.5]; expected coefficient: {another: number}"),
+            (
+                {"parasite_drag": {"lift_slop": 0.5}},
+                "mine.yaml: correlations.parasite_drag.lift_slop: found 'lift_slop', which has no value; "
+                "did you mean 'lift_slope'?",
+            ),
+            (
+                {"parasite_drag": {"lift_slope": 1.5}},
+                "mine.yaml: correlations.parasite_drag.lift_slope: found 1.5; expected a number from -1 to 1",
+            ),
+            (
+                {"parasite_drag": {"lift_slope": 0.5}, "lift_slope": {"parasite_drag": 0.5}},
+                "mine.yaml: correlations.lift_slope.parasite_drag: found a pair that needs none; "
+                "expected each pair of two once",
+            ),
+            (
+                {"parasite_drag": {"lift_slope": 0.9, "induced_drag": 0.9}, "lift_slope": {"induced_drag": -0.9}},
+                "mine.yaml: correlations: found an eigenvalue of -0.8; expected a matrix with none below zero; "
+                "no errors are correlated like this",
+            ),
+        ],
+    )
+    def test_that_cannot_be_are_refused(self, correlations: object, line: str) -> None:
+        assert refusal(self.content(correlations)) == line

@@ -216,7 +216,10 @@ def _likeliest(
 
 
 def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:
-    """Return every parameter with value, 1-sigma before and after, and whether the data determine it."""
+    """Return every parameter with value, 1-sigma before and after, and whether the data determine it.
+
+    With them goes the correlation of the adjusted, what the considered leave open included.
+    """
     after = np.sqrt(np.sum(columns**2, axis=1))
     table = {}
     for i, name in enumerate(PARAMETERS):
@@ -238,4 +241,9 @@ def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool
             "std_before": float(craft.std[i]),
             "verdict": verdict,
         }
-    return {"parameters": table, "converged": converged}
+    rows = columns[free] / after[free, None]
+    correlation = {
+        "names": [name for name, adjusted in zip(PARAMETERS, free, strict=True) if adjusted],
+        "matrix": np.clip(rows @ rows.T, -1.0, 1.0).tolist(),
+    }
+    return {"parameters": table, "correlation": correlation, "converged": converged}
