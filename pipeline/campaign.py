@@ -19,7 +19,7 @@ from pipeline import mission as missions
 from pipeline import provenance, store
 from pipeline.findings import InputError, in_one_line
 from pipeline.progress import Bar
-from pipeline.roster import OUTPUTS, STAGES, Job, Outcome, inputs, resolve_vehicle
+from pipeline.roster import OUTPUTS, REPORTED, STAGES, Job, Outcome, inputs, resolve_vehicle
 
 if TYPE_CHECKING:
     from pipeline.mission import Mission
@@ -70,6 +70,8 @@ def _describe(job: Job, stage: str, mission: Mission) -> dict[str, Any]:
     vehicle = resolve_vehicle(mission, store.read_json(job.path("ingest.json"))["constants"])
     described = {name: list(vars(item).values()) for name, item in sorted(vehicle.coefficients.items())}
     configuration["vehicle"] = {"name": vehicle.name, "coefficients": store.digest_text(repr(described))}
+    if vehicle.correlations:
+        configuration["vehicle"]["correlations"] = store.digest_text(repr(sorted(vehicle.correlations.items())))
     if stage == "estimate":
         configuration["engine"] = job.engine
     if stage == "report":
@@ -159,27 +161,35 @@ def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.records import of_method
-    from pipeline.report import Inputs, build
+    from pipeline.report import Inputs, build, coefficients, corrected, og1
 
     ingested = store.read_json(job.path("ingest.json"))
     estimates = store.read_table(job.path("estimates.parquet"))
-    summary, page = build(
-        Inputs(
-            mission=mission,
-            vehicle=resolve_vehicle(mission, ingested["constants"]),
-            records=store.read_table(job.path("records.parquet")),
-            estimates=of_method(estimates, "kinematic"),
-            force=of_method(estimates, "force"),
-            blocks=store.read_table(job.path("blocks.parquet")),
-            predictions=store.read_table(job.path("predictions.parquet")),
-            stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,
-            ingest=ingested,
-            estimate=store.read_json(job.path("estimate.json")),
-            provenance={"stages": {**_before_report(job), "report": dict(described)}},
-        )
+    inputs = Inputs(
+        mission=mission,
+        vehicle=resolve_vehicle(mission, ingested["constants"]),
+        records=store.read_table(job.path("records.parquet")),
+        estimates=of_method(estimates, "kinematic"),
+        force=of_method(estimates, "force"),
+        blocks=store.read_table(job.path("blocks.parquet")),
+        predictions=store.read_table(job.path("predictions.parquet")),
+        stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,
+        ingest=ingested,
+        estimate=store.read_json(job.path("estimate.json")),
+        provenance={"stages": {**_before_report(job), "report": dict(described)}},
     )
+    summary, page = build(inputs)
     store.write_json(job.path("summary.json"), summary)
     store.write_text(job.path("report.html"), page)
+    vehicle = corrected.of_mission(inputs)
+    store.write_text(job.path(corrected.FILE), corrected.text(vehicle, mission.slug))
+    store.write_text(job.path(coefficients.FILE), coefficients.text(vehicle.vehicle, mission.slug))
+    if og1.missing() is None and len(inputs.records):
+        with store.whole(job.path(og1.FILE)) as file:
+            methods = {"kinematic": inputs.estimates, "force": inputs.force}
+            og1.write(file, mission, inputs.vehicle, inputs.records, methods)
+    else:
+        job.path(og1.FILE).unlink(missing_ok=True)
 
 
 _RUN: dict[str, Callable[[Job, Mission, Mapping[str, Any]], None]] = {
@@ -202,7 +212,8 @@ def fail(job: Job, stage: str, error: str) -> None:
 
 def mark(reports: Path, name: str, error: str) -> None:
     """Put the reason why there is no report in the place of the report."""
-    (reports / "report.html").unlink(missing_ok=True)
+    for output in REPORTED:
+        (reports / output).unlink(missing_ok=True)
     store.write_json(reports / "summary.json", {"mission": name, "error": error})
 
 

@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
 Engine = Literal["numba", "filterpy"]
 
+#: What is filed under reports/; all else is under processed/.
+REPORTED = ("summary.json", "report.html", "vehicle.yaml", "coefficients.txt")
 #: The stages in their order, and what each may write.
 OUTPUTS: dict[str, tuple[str, ...]] = {
     "ingest": ("records.parquet", "stored.parquet", "ingest.json"),
     "estimate": ("estimates.parquet", "blocks.parquet", "estimate.json"),
     "model": ("predictions.parquet",),
-    "report": ("summary.json", "report.html"),
+    "report": (*REPORTED, "estimates.nc"),
 }
 STAGES = tuple(OUTPUTS)
 
@@ -41,7 +43,7 @@ class Job:
 
     def path(self, output: str) -> Path:
         """Return where the file `output` of any stage is kept."""
-        return (self.reports if output in OUTPUTS["report"] else self.results) / output
+        return (self.reports if output in REPORTED else self.results) / output
 
 
 @dataclass(frozen=True)

@@ -32,20 +32,23 @@ GROUP = 20_000
 
 @contextmanager
 def whole(path: Path) -> Iterator[IO[bytes]]:
-    """Give a file to write to that becomes `path` when all is written, and nothing if that fails; make its folder."""
+    """Give a file to write to, and to read back, that becomes `path` when all is written, and nothing if that fails.
+
+    Its folder is made.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.parent / f".{path.name}.{uuid.uuid4().hex}{PART}"
     try:
-        descriptor = os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o644)
+        descriptor = os.open(path.parent, os.O_TMPFILE | os.O_RDWR, 0o644)
     except (AttributeError, OSError):
         try:
-            with temporary.open("wb") as file:
+            with temporary.open("w+b") as file:
                 yield file
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
     else:
-        with os.fdopen(descriptor, "wb") as file:
+        with os.fdopen(descriptor, "w+b") as file:
             yield file
             file.flush()
             # A source descriptor makes Python call linkat(AT_SYMLINK_FOLLOW), which /proc needs.

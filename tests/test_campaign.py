@@ -21,7 +21,7 @@ from pipeline import campaign, provenance, store
 from pipeline.campaign import UNREAD
 from pipeline.findings import InputError
 from pipeline.mission import Mission, load
-from pipeline.roster import OUTPUTS, STAGES, Job, Outcome, plan, resolve_vehicle
+from pipeline.roster import OUTPUTS, REPORTED, STAGES, Job, Outcome, plan, resolve_vehicle
 from pipeline.workers import Workers, local
 
 SEATRIAL = str(Path(sys.executable).with_name("seatrial"))
@@ -344,7 +344,8 @@ class TestRealStages:
 
     def test_every_result_is_there(self, undisturbed: Path) -> None:
         expected = {f"processed/{m}/{name}" for m in "ab" for s in STAGES[:3] for name in OUTPUTS[s]}
-        expected |= {f"reports/{m}/{name}" for m in "ab" for name in OUTPUTS["report"]}
+        expected |= {f"reports/{m}/{name}" for m in "ab" for name in REPORTED}
+        expected |= {f"processed/{m}/{name}" for m in "ab" for name in set(OUTPUTS["report"]) - set(REPORTED)}
         expected |= {f"processed/{place}provenance.json" for place in ("a/", "b/", "")} | {"reports/index.html"}
         assert set(contents(undisturbed)) == {name for name in expected if not name.endswith("stored.parquet")}
 

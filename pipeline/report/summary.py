@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.records import TRIMS, seconds, timestamps
-from pipeline.report import averages, compare, fit, methods, nominal, stored
+from pipeline.report import averages, compare, corrected, fit, methods, nominal, og1, stored
 from pipeline.report.adjustment import adjustment
 from pipeline.report.answer import answer
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
@@ -81,6 +81,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "gps": inputs.estimate.get("gps"),
         "estimator": {"settings": settings, "consistency": inputs.estimate.get("consistency"), "used": used},
         "consistency": _consistency(inputs.estimate),
+        "export": {**corrected.account(corrected.of_mission(inputs)), "netcdf": og1.missing() is None},
         "findings": _findings(inputs),
         "borrowed": methods.borrowed(inputs, gps=gps is not None, sensor_used=sensor_used),
         "methods": methods.paragraph(inputs, fitted, gps=gps is not None, sensor_used=sensor_used),
@@ -285,6 +286,9 @@ def _findings(inputs: Inputs) -> list[dict[str, str]]:
         for stage, report in (("ingest", inputs.ingest), ("estimate", inputs.estimate))
         for finding in report.get("findings", [])
     ]
+    unwritten = og1.missing()
+    if unwritten is not None:
+        listed.append({"stage": "report", **unwritten.as_dict()})
     return sorted(listed, key=lambda row: rank.get(row.get("severity", ""), 3))
 
 
