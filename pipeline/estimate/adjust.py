@@ -31,7 +31,7 @@ from pipeline.estimate.force import (
     thrust_std,
 )
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import covariance, noise_from
+from pipeline.estimate.noise import ENOUGH, covariance, noise_from
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 
@@ -207,7 +207,9 @@ def _likeliest(
         return total
 
     start = (np.log([getattr(settings, name) for name in names]) - median) / spread
-    best = minimize(cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3})
+    best = minimize(
+        cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3, "ftol": ENOUGH}
+    )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
     open_ = covariance(cost, best.x) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))

@@ -121,7 +121,7 @@ def _fill(
 ) -> None:
     """Fill F, shift, Q, and α with its slopes (V, θ, then every parameter) along the path."""
     m, _ = decay.shape
-    c = values.size
+    c = alphas.shape[1] - 3
     drag_by, lift_by, induced_by = values[1], values[2], values[3]
     polar = Polar(
         polar.lift_at_zero + values[4],
@@ -315,9 +315,11 @@ def linearise(
     tuple of Problem, ndarray
         The problem; α [rad], its slopes in V and θ, and its change with each considered column, shape (m, 3 + k).
     """
-    m, s, c = series.time.size, settings, len(PARAMETERS)
+    m, s = series.time.size, settings
     n, p = LOAD + 1, 3
     mixed = np.diag(craft.std) if columns is None else columns
+    c = len(PARAMETERS) if mixed.shape[1] else 0
+    mixed = mixed[:c]
     force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
     noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
@@ -346,7 +348,8 @@ def linearise(
     if speed:
         observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
     observed_by = np.zeros((p, c))
-    observed_by[1, BIAS] = 1.0
+    if c:
+        observed_by[1, BIAS] = 1.0
     first = np.flatnonzero(np.isfinite(series.depth))
     start = series.depth[first[0]] if first.size else 0.0
     seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))

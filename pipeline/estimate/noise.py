@@ -16,6 +16,8 @@ from pipeline.vehicle import Polar
 
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
 SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "unsteadiness": 1.0, "depth_noise": 1.0, "swell": 2.0}
+#: The search ends when a step gains less than this share of the logarithm of likelihood.
+ENOUGH = 1e-6
 #: Median of σ of w_w (m/s) before the search.
 WATER = 0.015
 #: What is left of a manoeuvre looks like the water's motion: the search leaves out this much time (s) after one and
@@ -59,7 +61,11 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
         return 0.5 * float(u @ u) - smoother.log_likelihood(problem)
 
     best = minimize(
-        cost, np.zeros(len(names)), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3}
+        cost,
+        np.zeros(len(names)),
+        method="L-BFGS-B",
+        bounds=[(-4.0, 4.0)] * len(names),
+        options={"eps": 1e-3, "ftol": ENOUGH},
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
     spread_of = covariance(cost, best.x) * np.outer(spread, spread)
