@@ -10,6 +10,9 @@ the other way round; a dive is whole. Printed of the dives left out are
 - V *estimated*: the same with the depth of these dives, as stage 2 has it, with the coverage of its 95 % interval;
 - w: depth rate measured, upwards, less V sin γ predicted, both over the same 60 s, in steady flight; RMS about zero.
   The stored solution's is made in the same way, at the same instants, from its vertical speed.
+
+Beside them stand w of the dives fitted on, means of w by direction and depth, and the parameters: where a goal is
+missed, they say whether the fit or the change from dive to dive is to blame.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ GOALS: dict[tuple[str, str], float] = {
 KOLUMBO = "kolumbo: depth rate with thrust 20 % below the same fit without"
 
 
-class Missing(ValueError):
+class NoForceModelError(ValueError):
     """There is no force model of a mission; why."""
 
 
@@ -149,16 +152,16 @@ def predicted(records: pd.DataFrame, prepared: Prepared, *, start: float = START
 
     Raises
     ------
-    Missing
+    NoForceModelError
         If there is no force model.
     """
     mission, vehicle, body = prepared.mission, prepared.vehicle, prepared.body
     if prepared.adjusted is None or body is None:
-        raise Missing(prepared.reason)
+        raise NoForceModelError(prepared.reason)
     series = reconcile(records, from_records(records), vehicle, mission).series
     inputs, reason = forcing(records, vehicle, mission, body)
     if inputs is None:
-        raise Missing(reason)
+        raise NoForceModelError(reason)
     blind = replace(series, depth=np.full(series.time.size, np.nan))
     along = force.path(blind, np.full(series.time.size, start), series.pitch_guess)
     flight, _, _ = force.solve(blind, inputs, prepared.adjusted, along, speed=False, solver=smoother.solve)
@@ -240,7 +243,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
 
     Raises
     ------
-    Missing
+    NoForceModelError
         If there is no force model.
     """
     lay_out(data, raw, (name,))
@@ -249,7 +252,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
     real = Real(mission, resolve_vehicle(mission, found.constants), found.records, found.constants)
     lacking = what_lacks(real)
     if lacking:
-        raise Missing("; ".join(lacking))
+        raise NoForceModelError("; ".join(lacking))
     figures: dict[str, list[float]] = {}
     for split in splits(found.records):
         print(f"{name}, {split.name}")
@@ -279,6 +282,8 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
         print(f"    w, predicted: {_waters(met.model, met)}")
         if found.stored is not None:
             print(f"    w, stored solution: {_waters(met.stored, met)}")
+        seen = water(split.fitted, predicted(split.fitted, prepared), found.stored)
+        print(f"    w, predicted, of the dives fitted on: {_waters(seen.model, seen)}")
         for line in parameters(prepared):
             print(f"        {line}")
     return figures
@@ -350,7 +355,7 @@ def main() -> int:
         for name in names:
             try:
                 figures = about(name, Path(where), Path(scratch))
-            except Missing as error:
+            except NoForceModelError as error:
                 print(f"{name}: no force model: {error}")
                 verdicts.append((False, f"{KOLUMBO if name == 'kolumbo' else name}: cannot be had: {error}"))
                 continue
