@@ -195,9 +195,13 @@ def test_a_table_whose_parts_fail_leaves_the_old_one_and_no_other(
         yield _numbered(5)
         raise RuntimeError("in the second part")
 
-    with pytest.raises(RuntimeError, match="in the second part"), store.table_writer(path, STORED) as writer:
-        for part in parts():
-            writer.write(part)
+    def write() -> None:
+        with store.table_writer(path, STORED) as writer:
+            for part in parts():
+                writer.write(part)
+
+    with pytest.raises(RuntimeError, match="in the second part"):
+        write()
     assert [entry.name for entry in tmp_path.iterdir()] == ["x.parquet"]
     assert len(store.read_table(path)) == 3
 

@@ -89,7 +89,8 @@ def test_the_report_tells_of_both(found: Estimated) -> None:
         "compatibility", "force",
     }  # fmt: skip
     assert set(report["consistency"]) == set(stage.METHODS)
-    assert set(report["force"]) == {"reason", "parameters", "converged", "observable_share", "reasons", "settings"}
+    known = {"reason", "parameters", "correlation", "converged", "observable_share", "reasons", "settings"}
+    assert set(report["force"]) == known
     assert report["force"]["reason"] == ""
     for method, told in (("kinematic", report), ("force", report["force"])):
         rows = of_method(found.estimates, method)
