@@ -125,11 +125,11 @@ def _figures(gap: np.ndarray, std: np.ndarray) -> dict[str, float]:
 
 def _innovations(report: dict[str, Any], method: str) -> dict[str, float]:
     """Return mean normalised innovation squared of each instrument, and whether it is in its own χ² band."""
-    entries = report.get(method, report).get("consistency") or {}
-    found = {name: entry for name, entry in entries.items() if isinstance(entry, dict) and "nis" in entry}
+    entries = report["consistency"].get(method, {}).get("innovations", [])
+    found = {entry["instrument"]: entry for entry in entries if entry["nis"] is not None}
     figures = {f"nis_{name}": float(entry["nis"]) for name, entry in found.items()}
     return figures | {
-        f"in_band_{name}": float(entry["low"] <= entry["nis"] <= entry["high"]) for name, entry in found.items()
+        f"in_band_{name}": float(entry["low_effective"] <= entry["nis"] <= entry["high_effective"]) for name, entry in found.items()
     }
 
 

@@ -31,7 +31,7 @@ from pipeline.estimate.force import (
     thrust_std,
 )
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import ENOUGH, covariance, noise_from
+from pipeline.estimate.noise import ENOUGH, WATER, covariance, noise_from
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 
@@ -194,7 +194,8 @@ def _likeliest(
     `noise.likeliest`: what is not known of them widens the intervals.
     """
     names = list(SEARCHED)
-    median = np.log([getattr(Settings(), name) if name != "depth_noise" else settings.depth_noise for name in names])
+    usual = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
+    median = np.log([getattr(usual, name) for name in names])
     spread = np.array(list(SEARCHED.values()))
     nothing = np.empty((len(PARAMETERS), 0))
 

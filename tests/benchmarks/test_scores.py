@@ -34,7 +34,8 @@ def estimated(stated: float, *, seed: int = 1) -> Estimated:
         table[f"{name}_std"] = stated * std
     table["observable"] = np.interp(time, clock, mission.truth["afloat"].astype(float)) < 0.5
     other = table.assign(method="force", observable=table["observable"] & (np.arange(len(table)) % 2 == 0))
-    report = {"consistency": {"depth": {"nis": 1.02, "low": 0.97, "high": 1.03, "n": 5000}}}
+    depth = {"instrument": "depth", "nis": 1.02, "low_effective": 0.97, "high_effective": 1.03, "n": 5000}
+    report = {"consistency": {"kinematic": {"innovations": [depth]}}}
     return Estimated(pd.concat([table, other], ignore_index=True), report, [])
 
 
