@@ -197,10 +197,12 @@ def _ballast(mission: Mission, vehicle: Vehicle, entry: Mapping[str, Any] | None
     mass = given.mass or vehicle["mass"]
     factor = 1.0 + (float(entry["value"]) - float(entry["before"])) / (GRAVITY * mass)
     density = given.neutral_density or neutral_density
+    if not math.isfinite(factor):
+        return ""
     keys = {"mass": f"{given.mass:g}"} if given.mass is not None else {}
     if given.volume is not None:
         keys["volume"] = f"{given.volume * factor:.8g}"
-    elif math.isfinite(density) and math.isfinite(factor):
+    elif math.isfinite(density):
         keys["neutral_density"] = f"{density / factor:.8g}"
     else:
         return ""

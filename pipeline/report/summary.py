@@ -81,7 +81,10 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "gps": inputs.estimate.get("gps"),
         "estimator": {"settings": settings, "consistency": inputs.estimate.get("consistency"), "used": used},
         "consistency": _consistency(inputs.estimate),
-        "export": {**corrected.account(corrected.of_mission(inputs)), "netcdf": og1.missing() is None},
+        "export": {
+            **corrected.account(corrected.of_mission(inputs)),
+            "netcdf": og1.missing() is None and data["rows"] > 0,
+        },
         "findings": _findings(inputs),
         "borrowed": methods.borrowed(inputs, gps=gps is not None, sensor_used=sensor_used),
         "methods": methods.paragraph(inputs, fitted, gps=gps is not None, sensor_used=sensor_used),
