@@ -41,7 +41,10 @@ ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansi
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
 STEPS, STILL = 15, 1e-3
-#: Steps after which the noise levels are searched.
+#: What is searched while parameters are adjusted. σ and τ of w_w are not, but stay as in `Settings`: a water that is
+#: found to move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag.
+INSTRUMENTS = ("depth_noise", "swell", "force_drift", "load")
+#: Steps after which they are.
 SEARCHES = (2, 5)
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
 #: not as believed, and contradicted by the data it gives way.
@@ -94,12 +97,7 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
     paths = list(paths)
     converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
-        normal = _Normal(np.zeros((free.size, free.size)), np.zeros(free.size), 0.0)
-        for i, stretch in enumerate(stretches):
-            problem, _ = linearise(stretch.series, stretch.force, craft, settings, paths[i], speed=speed)
-            normal = _summed(normal, _normal(problem, stretch.series))
-            paths[i] = _smoothed(problem, stretch.series)
-        matrix, gradient = _with_prior(normal, craft)
+        matrix, gradient = _with_prior(_equations(stretches, craft, settings, paths, speed=speed), craft)
         change = _step(matrix, gradient, free, -craft.value[HULL_TIME] / max(craft.std[HULL_TIME], 1e-9))
         if change @ last < -0.5 * float(np.linalg.norm(change) * np.linalg.norm(last)):
             share *= 0.5  # turned back: the cost bends more than its Gauss–Newton approximation
@@ -109,10 +107,12 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
         value[HULL_TIME] = max(value[HULL_TIME], 0.0)
         craft = craft._replace(value=value)
         if step in SEARCHES:
-            settings = _likeliest(stretches[:1], craft, settings, paths[:1], speed=speed)
+            settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed)
         elif np.max(np.abs(change)) < STILL and step > SEARCHES[-1]:
             converged = True
             break
+    settings = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
+    matrix, _ = _with_prior(_equations(stretches, craft, settings, paths, speed=speed), craft)
     columns = _root(matrix, free) * craft.std[:, None]
     return Adjusted(craft, settings, columns, _report(craft, columns, free, converged))
 
@@ -121,6 +121,18 @@ def unadjusted(found: Adjusted) -> Adjusted:
     """Return `found` with every parameter as it was before the mission, and as uncertain; its noise levels stay."""
     craft = found.craft._replace(value=found.craft.centre.copy())
     return found._replace(craft=craft, columns=np.diag(craft.std), report={"parameters": {}, "converged": True})
+
+
+def _equations(
+    stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: list[Path], *, speed: bool
+) -> _Normal:
+    """Return the normal equations of all stretches, and put their smoothed paths into `paths`."""
+    total = _Normal(np.zeros((len(PARAMETERS), len(PARAMETERS))), np.zeros(len(PARAMETERS)), 0.0)
+    for i, stretch in enumerate(stretches):
+        problem, _ = linearise(stretch.series, stretch.force, craft, settings, paths[i], speed=speed)
+        total = _summed(total, _normal(problem, stretch.series))
+        paths[i] = _smoothed(problem, stretch.series)
+    return total
 
 
 def _normal(problem: smoother.Problem, series: Series) -> _Normal:
@@ -186,17 +198,22 @@ def _smoothed(problem: smoother.Problem, series: Series) -> Path:
 
 
 def _likeliest(
-    stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: Sequence[Path], *, speed: bool
+    stretches: Sequence[Stretch],
+    craft: Craft,
+    settings: Settings,
+    paths: Sequence[Path],
+    names: tuple[str, ...],
+    *,
+    speed: bool,
 ) -> Settings:
-    """Return settings with the noise levels of `SEARCHED` at the maximum of likelihood times prior.
+    """Return settings with the noise levels `names` of `SEARCHED` at the maximum of likelihood times prior.
 
     σ² of w_w, and σ²τ on which its mean over a long glide depends, are means over their posterior, as in
     `noise.likeliest`: what is not known of them widens the intervals.
     """
-    names = list(SEARCHED)
     usual = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
     median = np.log([getattr(usual, name) for name in names])
-    spread = np.array(list(SEARCHED.values()))
+    spread = np.array([SEARCHED[name] for name in names])
     nothing = np.empty((len(PARAMETERS), 0))
 
     def cost(u: np.ndarray) -> float:
@@ -212,6 +229,8 @@ def _likeliest(
         cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3, "ftol": ENOUGH}
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
+    if "sigma_w" not in names:
+        return settings._replace(**found)
     open_ = covariance(cost, best.x) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
