@@ -129,7 +129,8 @@ def _innovations(report: dict[str, Any], method: str) -> dict[str, float]:
     found = {entry["instrument"]: entry for entry in entries if entry["nis"] is not None}
     figures = {f"nis_{name}": float(entry["nis"]) for name, entry in found.items()}
     return figures | {
-        f"in_band_{name}": float(entry["low_effective"] <= entry["nis"] <= entry["high_effective"]) for name, entry in found.items()
+        f"in_band_{name}": float(entry["low_effective"] <= entry["nis"] <= entry["high_effective"])
+        for name, entry in found.items()
     }
 
 
