@@ -40,7 +40,7 @@ ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansi
 #: An innovation beyond this many standard deviations counts less (Huber 1964, doi:10.1214/aoms/1177703732).
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
-STEPS, STILL = 15, 1e-3
+STEPS, STILL = 15, 5e-3
 #: What is searched while parameters are adjusted. σ and τ of w_w are not, but stay as in `Settings`: a water that is
 #: found to move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag.
 INSTRUMENTS = ("depth_noise", "swell", "force_drift", "load")
