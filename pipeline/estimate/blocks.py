@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.ballast import Hull, hull
+from pipeline.estimate.ballast import Hull
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
@@ -29,35 +28,6 @@ _JUDGED = ("pitch", "pressure", "speed_through_water")
 _READ = ["time", "dive", "depth", "density", "temperature", "battery_position", *_JUDGED, *(f"{x}_qc" for x in _JUDGED)]
 
 NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
-
-
-def block_means(
-    records: pd.DataFrame,
-    estimates: pd.DataFrame,
-    vehicle: Vehicle,
-    mission: Mission,
-    constants: Mapping[str, float],
-) -> tuple[pd.DataFrame, list[Finding]]:
-    """Return the mean state of every steady block with its 1-sigma, and what was assumed or left out.
-
-    Parameters
-    ----------
-    records, estimates
-        Canonical tables, row by row of the same instants.
-    vehicle, mission
-        Vehicle and mission.
-    constants
-        Calibration constants from the logs.
-
-    Returns
-    -------
-    tuple of DataFrame, list of Finding
-        The table `pipeline.records.BLOCKS`; findings.
-    """
-    body, findings = hull(mission, vehicle, constants, records)
-    if not records["buoyancy_volume"].notna().any():
-        findings.append(NO_ENGINE)
-    return means(records, estimates, vehicle, mission, body), findings
 
 
 def means(

@@ -17,8 +17,8 @@ from numba import njit
 
 from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing, with_thermal_lag
-from pipeline.estimate.linearise import LONGEST, integrated
-from pipeline.estimate.series import PAUSE, Series
+from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured
+from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.smoother import Problem, Solution
 from pipeline.estimate.trajectory import Flight
@@ -342,20 +342,15 @@ def linearise(
         cross,
         alphas,
     )
-    observed, variance = np.full((m, p), np.nan), np.ones((m, p))
-    observed[:, 0], variance[:, 0] = series.depth, s.depth_noise**2
-    observed[:, 1], variance[:, 1] = series.pitch + craft.value[BIAS], s.pitch_noise**2
-    if speed:
-        observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
+    observed, variance = measured(series, s, p, speed=speed)
+    observed[:, 1] += craft.value[BIAS]
     observed_by = np.zeros((p, c))
     if c:
         observed_by[1, BIAS] = 1.0
-    first = np.flatnonzero(np.isfinite(series.depth))
-    start = series.depth[first[0]] if first.size else 0.0
     seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
     seen[:, 0], weight[:, 0] = (DEPTH, PITCH, SPEED), 1.0
     problem = Problem(
-        np.array([at.speed[0], at.pitch[0], start, 0.0, 0.0]),
+        np.array([at.speed[0], at.pitch[0], depth_at_start(series), 0.0, 0.0]),
         np.diag([s.initial_speed, 0.2, 5.0, s.sigma_w, s.load]) ** 2,
         decay,
         np.array([SPEED, DEPTH]),
@@ -377,8 +372,7 @@ def path(series: Series, speed: np.ndarray, pitch: np.ndarray) -> Path:
     """Return the path through V and θ, shape (m,) each, with the pitch rate that they have."""
     if series.time.size < 2:
         return Path(speed, pitch, np.zeros_like(pitch))
-    least = 1e-3 * np.arange(series.time.size)
-    rate = np.gradient(pitch, np.maximum.accumulate(series.time - least) + least)
+    rate = np.gradient(pitch, increasing(series.time))
     return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), np.clip(rate, -TURNING, TURNING))
 
 

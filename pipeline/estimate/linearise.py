@@ -229,6 +229,33 @@ def _fill(
                     b[3, 2 + i] = along[1] * v * sine * change * dt
 
 
+def measured(series: Series, settings: Settings, kinds: int, *, speed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return measurements and their variances, shape (m, kinds): depth, pitch and speed first, NaN where there is none.
+
+    Parameters
+    ----------
+    series, settings
+        Measurements and their noise.
+    kinds
+        How many kinds there are, three or more.
+    speed
+        Whether the speed sensor is one of them.
+    """
+    shape = (series.time.size, kinds)
+    observed, variance = np.full(shape, np.nan), np.ones(shape)
+    observed[:, 0], variance[:, 0] = series.depth, settings.depth_noise**2
+    observed[:, 1], variance[:, 1] = series.pitch, settings.pitch_noise**2
+    if speed:
+        observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
+    return observed, variance
+
+
+def depth_at_start(series: Series) -> float:
+    """Return the first depth measured, m; 0 without any."""
+    known = series.depth[np.isfinite(series.depth)]
+    return float(known[0]) if known.size else 0.0
+
+
 def linearise(
     series: Series,
     polar: Polar,
@@ -281,24 +308,19 @@ def linearise(
     )
     seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
     seen[:, 0], weight[:, 0] = list(MEASURED.values())[:p], 1.0
-    observed, variance = np.full((m, p), np.nan), np.ones((m, p))
-    observed[:, 0], variance[:, 0] = series.depth, s.depth_noise**2
-    observed[:, 1], variance[:, 1] = series.pitch, s.pitch_noise**2
+    observed, variance = measured(series, s, p, speed=sources.speed)
     observed_by = np.zeros((p, c))
     if considered:
         observed_by[1, 0] = considered.pitch
-    if sources.speed:
-        observed[:, 2], variance[:, 2] = series.speed, np.maximum(series.speed_std, 1e-3) ** 2
     if sources.fixes:
         observed[:, 3], observed[:, 4] = series.east, series.north
         variance[:, 3:5] = s.fix_noise**2
         seen[5, 1], weight[5, 1] = CRUISE, -1.0
         bounds = np.diff(series.cruising, append=False) | np.diff(series.cruising, prepend=False)
         observed[bounds & series.cruising, 5], variance[:, 5] = 0.0, s.continuity**2
-    first = np.flatnonzero(np.isfinite(series.depth))
     mean = np.zeros(n)
     mean[SPEED], mean[PITCH] = at.speed[0], at.pitch[0]
-    mean[DEPTH], mean[RESPONSE] = series.depth[first[0]] if first.size else 0.0, s.response
+    mean[DEPTH], mean[RESPONSE] = depth_at_start(series), s.response
     if sources.fixes:
         mean[CRUISE] = float(np.median(at.speed))
     flight = [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre, s.response]

@@ -8,10 +8,11 @@ import pytest
 from truth import Trial
 
 from pipeline.estimate.ballast import ASSUMED_STD, hull
-from pipeline.estimate.blocks import block_means
+from pipeline.estimate.blocks import means
+from pipeline.estimate.stage import estimate
 from pipeline.mission import Ballast, Mission
-from pipeline.records import BLOCKS, ESTIMATES, RECORDS, conform, timestamps
-from pipeline.vehicle import load
+from pipeline.records import BLOCKS, ESTIMATES, RECORDS, conform, of_method, timestamps
+from pipeline.vehicle import Vehicle, load
 
 VEHICLE = load("petrel-ii")
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
@@ -48,12 +49,16 @@ def line(n: int = 121, rate: float = 0.2) -> tuple[pd.DataFrame, pd.DataFrame]:
     return records, conform(estimates, ESTIMATES)
 
 
+def averaged(records: pd.DataFrame, estimates: pd.DataFrame, craft: Vehicle, mission: Mission) -> pd.DataFrame:
+    """Return the means over the blocks of a mission whose logs carry no constants."""
+    return means(records, estimates, craft, mission, hull(mission, craft, {}, records)[0])
+
+
 def test_a_steady_line_gives_its_own_numbers() -> None:
     records, estimates = line()
     mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
-    blocks, findings = block_means(records, estimates, VEHICLE, mission, {})
+    blocks = averaged(records, estimates, VEHICLE, mission)
     block = blocks.iloc[0]
-    assert findings == []
     assert list(blocks.columns) == [column.name for column in BLOCKS]
     assert (block["direction"], block["dive"], block["powered"], block["used"]) == (-1, 1, False, True)
     assert block["depth_rate"] == pytest.approx(0.2, rel=1e-9)
@@ -70,7 +75,7 @@ def test_a_steady_line_gives_its_own_numbers() -> None:
 @pytest.mark.parametrize("name", [GLIDING, CLIMBING, LEVEL])
 def test_block_means_agree_with_the_simulated_truth(trial: Callable[[str], Trial], name: str) -> None:
     case = trial(name)
-    blocks, _ = block_means(case.records, case.estimated.estimates, case.vehicle, case.mission, {})
+    blocks = averaged(case.records, of_method(case.estimated.estimates, "kinematic"), case.vehicle, case.mission)
     assert blocks["used"].mean() > 0.9
     inside = case.records["block"].to_numpy()
     for truth, column, tolerance in (
@@ -89,7 +94,7 @@ def test_block_means_agree_with_the_simulated_truth(trial: Callable[[str], Trial
 def test_directions_tell_dives_climbs_and_level_flight_apart(trial: Callable[[str], Trial]) -> None:
     for name, expected in ((GLIDING, {-1, 1}), (LEVEL, {0}), (CLIMBING, {-1, 1})):
         case = trial(name)
-        blocks, _ = block_means(case.records, case.estimated.estimates, case.vehicle, case.mission, {})
+        blocks = averaged(case.records, of_method(case.estimated.estimates, "kinematic"), case.vehicle, case.mission)
         assert set(blocks["direction"]) == expected
         assert set(blocks.loc[blocks["powered"], "direction"]) <= {0, 1}
 
@@ -97,7 +102,7 @@ def test_directions_tell_dives_climbs_and_level_flight_apart(trial: Callable[[st
 def test_a_block_whose_speed_is_unobservable_is_not_used_and_says_why() -> None:
     records, estimates = line()
     estimates = estimates.assign(observable=False, reason="near level: depth carries no speed", speed=np.nan)
-    blocks, _ = block_means(records, estimates, VEHICLE, Mission(vehicle="petrel-ii"), {})
+    blocks = averaged(records, estimates, VEHICLE, Mission(vehicle="petrel-ii"))
     assert not blocks["used"].iloc[0]
     assert blocks["reason"].iloc[0] == "speed unobservable: near level: depth carries no speed"
     assert np.isnan(blocks["speed"].iloc[0])
@@ -106,16 +111,15 @@ def test_a_block_whose_speed_is_unobservable_is_not_used_and_says_why() -> None:
 
 def test_no_block_at_all_gives_an_empty_table() -> None:
     records, estimates = line()
-    blocks, _ = block_means(records.assign(block=-1), estimates, VEHICLE, Mission(vehicle="petrel-ii"), {})
+    blocks = averaged(records.assign(block=-1), estimates, VEHICLE, Mission(vehicle="petrel-ii"))
     assert len(blocks) == 0
     assert list(blocks.columns) == [column.name for column in BLOCKS]
 
 
 def test_without_engine_volume_there_is_no_net_buoyancy_and_it_is_said() -> None:
     records, estimates = line()
-    blocks, findings = block_means(
-        records.assign(buoyancy_volume=np.nan), estimates, VEHICLE, Mission(vehicle="petrel-ii"), {}
-    )
+    records, mission = records.assign(buoyancy_volume=np.nan), Mission(vehicle="petrel-ii")
+    blocks, findings = averaged(records, estimates, VEHICLE, mission), estimate(records, VEHICLE, mission).findings
     assert np.isnan(blocks["net_buoyancy"].iloc[0])
     assert "records: buoyancy_volume: found no engine volume; expected one; no net buoyancy, no theory" in [
         str(finding) for finding in findings

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pipeline import mission, simulate, store, vehicle
 from pipeline.estimate import stage
 from pipeline.estimate.ballast import hull
-from pipeline.estimate.blocks import block_means
+from pipeline.estimate.blocks import means
 from pipeline.estimate.stage import InMemory, Prepared, Summary, cuts, estimate, prepare, stream
 from pipeline.ingest import ingest
 from pipeline.mission import Mission
@@ -120,7 +120,8 @@ def test_parts_give_what_the_whole_gives(case: Case, monkeypatch: pytest.MonkeyP
         gap = (np.abs(found["speed"] - expected["speed"]) / expected["speed_std"])[both]
         assert gap.median() < 0.1
         assert gap.max() < 1.0
-    blocks, _ = block_means(case.records, of_method(whole, "kinematic"), case.vehicle, case.mission, {})
+    body, _ = hull(case.mission, case.vehicle, {}, case.records)
+    blocks = means(case.records, of_method(whole, "kinematic"), case.vehicle, case.mission, body)
     assert in_parts.blocks["block"].tolist() == blocks["block"].tolist()
     np.testing.assert_allclose(in_parts.blocks["depth_rate"], blocks["depth_rate"], rtol=1e-9)
     np.testing.assert_allclose(in_parts.blocks["net_buoyancy"], blocks["net_buoyancy"], rtol=1e-4)

@@ -92,18 +92,22 @@ def _no_sensor(table):
 def test_sg171_stored_coefficients_disagree_with_depth_rate_and_adcp(data, tmp_path):
     from shutil import copy
 
-    from pipeline.estimate.blocks import block_means
+    from pipeline.estimate.ballast import hull
+    from pipeline.estimate.blocks import means
     from pipeline.estimate.stage import estimate
     from pipeline.ingest import ingest
     from pipeline.mission import load
+    from pipeline.records import of_method
     from pipeline.vehicle import load as vehicle
 
     for file in (data / "seaglider" / "sg171_ekamsat2024").glob("*.nc"):
         copy(file, tmp_path)
     (tmp_path / "mission.yaml").write_text("vehicle: seaglider\n")
-    given, glider = ingest(load(tmp_path)), vehicle("seaglider")
-    found = estimate(given.records, glider, load(tmp_path))
-    table, _findings = block_means(given.records, found.estimates, glider, load(tmp_path), given.constants)
+    mission, glider = load(tmp_path), vehicle("seaglider")
+    given = ingest(mission)
+    found = estimate(given.records, glider, mission)
+    body, _ = hull(mission, glider, given.constants, given.records)
+    table = means(given.records, of_method(found.estimates, "kinematic"), glider, mission, body)
     result = check(given.stored, table, given.records, constants=given.constants, settings=found.report["settings"])
     (sentence,) = result["sentences"]
     assert sentence.startswith("The stored coefficients (hd_a = 0.0007079")
