@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.records import TRIMS, seconds, timestamps
-from pipeline.report import averages, compare, corrected, fit, methods, nominal, og1, stored
+from pipeline.report import averages, compare, corrected, methods, nominal, og1, stored
 from pipeline.report.adjustment import adjustment
 from pipeline.report.answer import answer
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
+from pipeline.report.fitting.fit import fit
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         blocks, inputs.predictions, inputs.vehicle, sensor_used=sensor_used, settings=settings, gps=gps
     )
     means = averages.means(comparison, settings)
-    fitted = fit.fit(
+    fitted = fit(
         blocks,
         inputs.vehicle,
         settings=settings,

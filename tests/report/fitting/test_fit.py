@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from synthetic import SETTINGS, blocks, level_blocks
 
-from pipeline.report.fit import FREE, fit, text
-from pipeline.report.regression import Model, assemble, jacobian, residuals
+from pipeline.report.fitting.fit import FREE, fit
+from pipeline.report.fitting.model import Model
+from pipeline.report.fitting.regression import assemble, jacobian, residuals
+from pipeline.report.fitting.text import text
 from pipeline.vehicle import Vehicle
 
 

@@ -1,7 +1,7 @@
-"""The regression behind the fit: block means, the theory as a function of its corrections, and their solution.
+"""The regression behind the fit: block means with their covariance, and the solution for the corrections.
 
-Residuals are whitened by the covariance of the block means; the Jacobian is analytic, by the implicit function
-theorem at each block's trim. Unknowns that are borrowed rather than fitted are held by their prior 1-sigma.
+Residuals are whitened by the covariance of the block means; the Jacobian is analytic. Unknowns that are borrowed
+rather than fitted are held by their prior 1-sigma.
 """
 
 from __future__ import annotations
@@ -15,39 +15,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.model.sensitivity import sensitivities
-from pipeline.model.steady import trim_at_pitch
 from pipeline.records import seconds
-from pipeline.report.compare import density_of, floats
+from pipeline.report.compare import floats
 from pipeline.report.covariance import Whitener, water, water_of, with_measurement
-from pipeline.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from pipeline.report.fitting.model import Array, Model
 
 #: Least 1-sigma of a mean depth rate, m/s: the resolution of a pressure sensor over a block.
 FLOOR = 1e-4
-#: Corrections that are added to a coefficient of the vehicle.
-COEFFICIENTS = ("parasite_drag", "lift_at_zero", "lift_slope", "induced_drag")
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A correction: symbol, unit and what it means to a reader."""
-
-    symbol: str
-    unit: str
-    meaning: str
-
-
-CORRECTIONS = {
-    "parasite_drag": Quantity("ΔK_D0", "kg/m", "drag at zero angle of attack, as of sensors on the hull"),
-    "net_buoyancy": Quantity("ΔG", "N", "constant part of net buoyancy, ballast"),
-    "lift_at_zero": Quantity("ΔK_L0", "kg/m", "lift at zero angle of attack"),
-    "lift_slope": Quantity("ΔK_L", "kg/m/rad", "lift per angle of attack"),
-    "induced_drag": Quantity("ΔK_D", "kg/m/rad2", "drag per squared angle of attack"),
-    "thrust_scale": Quantity("Δscale_T", "1", "thrust, relative"),
-    "pitch": Quantity("Δθ", "rad", "pitch bias"),
-}
 
 
 @dataclass(frozen=True)
@@ -81,57 +55,6 @@ class Data:
     def size(self) -> int:
         """Number of fitted values."""
         return len(self.blocks) + self.sensor.size + (1 if self.level.size else 0)
-
-
-@dataclass(frozen=True)
-class Model:
-    """The theory as a function of its corrections; `names` orders the vector x."""
-
-    vehicle: Vehicle
-    names: tuple[str, ...]
-
-    def changed(self, x: Array) -> tuple[Vehicle, float, float]:
-        """Return the vehicle with the corrections `x` made, and those of net buoyancy [N] and pitch [rad]."""
-        given = dict(zip(self.names, x, strict=True))
-        values = {name: self.vehicle[name] + given[name] for name in COEFFICIENTS if name in given}
-        if "thrust_scale" in given:
-            factor = 1.0 + given["thrust_scale"]
-            values |= {name: self.vehicle[name] * factor for name in ("thrust_static", "thrust_slope")}
-        vehicle = self.vehicle.with_values(values, "fit") if values else self.vehicle
-        return vehicle, given.get("net_buoyancy", 0.0), given.get("pitch", 0.0)
-
-    def predict(self, blocks: pd.DataFrame, x: Array) -> tuple[Array, Array]:
-        """Return speed and depth rate with the measured pitch held, m/s, each of shape (n,)."""
-        vehicle, buoyancy, bias = self.changed(x)
-        trim = trim_at_pitch(
-            vehicle,
-            floats(blocks, "net_buoyancy") + buoyancy,
-            floats(blocks, "pitch") + bias,
-            propeller_speed=np.nan_to_num(floats(blocks, "propeller_speed")),
-            density=density_of(blocks, vehicle),
-        )
-        return trim.speed, -trim.speed * np.sin(trim.path_angle)
-
-    def slopes(self, blocks: pd.DataFrame, x: Array) -> tuple[Array, Array]:
-        """Return the derivatives of speed and depth rate in x, each of shape (n, len(names)), analytic."""
-        vehicle, buoyancy, bias = self.changed(x)
-        force, pitch = floats(blocks, "net_buoyancy") + buoyancy, floats(blocks, "pitch") + bias
-        inputs: dict[str, Any] = {
-            "propeller_speed": np.nan_to_num(floats(blocks, "propeller_speed")),
-            "density": density_of(blocks, vehicle),
-        }
-        trim = trim_at_pitch(vehicle, force, pitch, **inputs)
-        speed, path = trim.speed, trim.path_angle
-        slope = sensitivities("pitch", vehicle, force, speed, path, trim.angle_of_attack, **inputs)
-        given = dict(zip(self.names, x, strict=True))
-        by_speed, by_rate = np.zeros((len(blocks), x.size)), np.zeros((len(blocks), x.size))
-        for column, name in enumerate(self.names):
-            d_speed, d_path = slope[name].speed, slope[name].path_angle
-            # The theory's scale is relative to the corrected propeller, ours to the one in the vehicle file.
-            factor = 1.0 / (1.0 + given[name]) if name == "thrust_scale" else 1.0
-            by_speed[:, column] = factor * d_speed
-            by_rate[:, column] = -factor * (d_speed * np.sin(path) + speed * np.cos(path) * d_path)
-        return by_speed, by_rate
 
 
 @dataclass(frozen=True)

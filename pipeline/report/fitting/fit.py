@@ -18,17 +18,10 @@ import pandas as pd
 
 from pipeline.records import seconds
 from pipeline.report.compare import floats
-from pipeline.report.regression import (
-    COEFFICIENTS,
-    CORRECTIONS,
-    Array,
-    Data,
-    Model,
-    Solution,
-    assemble,
-    condition_index,
-    solve,
-)
+from pipeline.report.fitting.model import Array, Model
+from pipeline.report.fitting.parameters import COEFFICIENTS, CORRECTIONS, prior_stds
+from pipeline.report.fitting.regression import Data, Solution, assemble, condition_index, solve
+from pipeline.report.fitting.text import text
 from pipeline.vehicle import Vehicle
 
 #: What is fitted unless something else is asked for.
@@ -129,15 +122,6 @@ def select(blocks: pd.DataFrame, vehicle: Vehicle) -> tuple[pd.DataFrame, str]:
     if not flies.any():
         return used[flies], "theory has no steady flight at the pitch and buoyancy of any block"
     return used[flies].reset_index(drop=True), ""
-
-
-def prior_stds(vehicle: Vehicle, blocks: pd.DataFrame, ballast_std: float, pitch_std: float) -> dict[str, float]:
-    """Return the prior 1-sigma of every correction that these blocks feel; NaN where the vehicle file has none."""
-    out = {name: vehicle.std(name) for name in COEFFICIENTS}
-    static = vehicle["thrust_static"]
-    if len(blocks) and blocks["powered"].any() and static:
-        out["thrust_scale"] = abs(vehicle.std("thrust_static") / static)
-    return out | {"net_buoyancy": ballast_std, "pitch": pitch_std}
 
 
 def left_out_dives(
@@ -346,46 +330,6 @@ def _refusal(
     }
     result["text"] = text(result)
     return result
-
-
-def text(result: Mapping[str, Any]) -> str:
-    """Return a fit as text in the shape of lmfit's fit report."""
-    lines = ["[[Fit statistics]]"]
-    if result["reason"]:
-        lines.append(f"    could not estimate: {result['reason']}")
-    else:
-        lines += [
-            "    # method             = generalised least squares on block means",
-            f"    # values fitted      = {result['values_fitted']}",
-            f"    # corrections        = {len(result['parameters'])}",
-            f"    chi-square           = {result['chi_square']:.5g}",
-            f"    reduced chi-square   = {result['reduced_chi_square']:.4g}",
-            f"    condition index      = {result['condition_index']:.3g}",
-        ]
-        if result["std_inflation"] > 1.0:
-            lines.append(f"    1-sigma times        = {result['std_inflation']:.3g}  (scatter above what was assumed)")
-    lines.append("[[Corrections]]")
-    for item in result["parameters"]:
-        if not math.isfinite(item["value"]):
-            lines.append(f"    {item['symbol']:<7} could not estimate")
-            continue
-        share = f" ({item['percent']:+.1f} % of {item['vehicle_value']:.5g})" if math.isfinite(item["percent"]) else ""
-        lines += [
-            f"    {item['symbol']:<7} {item['value']:+.4f} +/- {item['std']:.4f} {item['unit']}{share}",
-            f"            with prior {item['value_with_prior']:+.4f} +/- {item['std_with_prior']:.4f}"
-            f" (prior 0 +/- {item['prior_std']:.4g})",
-            f"            {item['verdict']}",
-        ]
-    pairs = [
-        (abs(result["correlation"][i][j]), a["symbol"], b["symbol"], result["correlation"][i][j])
-        for i, a in enumerate(result["parameters"])
-        for j, b in enumerate(result["parameters"])
-        if i < j and result["correlation"]
-    ]
-    if pairs:
-        lines.append("[[Correlations]]")
-        lines += [f"    C({a}, {b}) = {value:+.4f}" for _size, a, b, value in sorted(pairs, reverse=True)]
-    return "\n".join(lines) + "\n"
 
 
 def _rms(values: Array) -> float | None:
