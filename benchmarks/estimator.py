@@ -37,6 +37,7 @@ from pipeline import instruments, mission, simulate, store, trials, vehicle
 from pipeline.estimate import force, linearise, smoother, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.compatibility import reconcile
+from pipeline.estimate.craft import PARAMETERS, Craft, from_vehicle
 from pipeline.estimate.forcing import Forcing, forcing
 from pipeline.estimate.linearise import Sources, Trajectory
 from pipeline.estimate.series import Series, from_records
@@ -65,7 +66,7 @@ class Glide(NamedTuple):
     series: Series
     at: Trajectory
     inputs: Forcing
-    craft: force.Craft
+    craft: Craft
 
     def part(self, first: int, last: int) -> Glide:
         """Return records `first` up to and without `last`."""
@@ -84,7 +85,7 @@ class Glide(NamedTuple):
     def by_force(self) -> smoother.Problem:
         """Return the problem of the force model, linear along the trajectory."""
         path = force.path(self.series, self.at.speed, self.at.pitch)
-        nothing = np.empty((len(force.PARAMETERS), 0))
+        nothing = np.empty((len(PARAMETERS), 0))
         problem, _ = force.linearise(
             self.series, self.inputs, self.craft, Settings(), path, speed=False, columns=nothing
         )
@@ -102,7 +103,7 @@ def glide_of(settings: Mission, records: pd.DataFrame) -> Glide:
     inputs, reason = forcing(records, craft, settings, body)
     if inputs is None:
         raise ValueError(reason)
-    return Glide(settings, craft, records, series, at, inputs, force.craft(craft, settings, body))
+    return Glide(settings, craft, records, series, at, inputs, from_vehicle(craft, settings, body))
 
 
 def simulated(folder: Path) -> tuple[Mission, pd.DataFrame]:

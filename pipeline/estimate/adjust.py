@@ -16,20 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pipeline.estimate import smoother
-from pipeline.estimate.force import (
-    BUOYANCY,
-    HULL_TIME,
-    PARAMETERS,
-    PITCH,
-    SPEED,
-    THRUST,
-    Adjusted,
-    Craft,
-    Path,
-    linearise,
-    path,
-    thrust_std,
-)
+from pipeline.estimate.craft import BUOYANCY, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft, thrust_std
+from pipeline.estimate.force import PITCH, SPEED, Path, linearise, path
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import ENOUGH, WATER, covariance, noise_from
 from pipeline.estimate.series import Series
@@ -90,7 +78,7 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
     powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
     if powered:
         std = craft.std.copy()
-        std[THRUST] = thrust_std(craft, [stretch.force for stretch in stretches], paths)
+        std[THRUST] = thrust_std(craft, [stretch.force for stretch in stretches], [at.speed for at in paths])
         craft = craft._replace(std=std)
     names = [name for name in ADJUSTED if (name != "thrust" or powered) and craft.std[PARAMETERS.index(name)] > 0.0]
     free = np.array([name in names for name in PARAMETERS])

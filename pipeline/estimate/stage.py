@@ -24,6 +24,7 @@ from pipeline.estimate.blocks import NO_ENGINE, means
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.consistency import Tally, tally
 from pipeline.estimate.consistency import report as consistency
+from pipeline.estimate.craft import Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.legs import Leg, flown, legs
 from pipeline.estimate.series import Series, from_records
@@ -96,7 +97,7 @@ class Prepared(NamedTuple):
     engine: str
     kinematic: kinematic.Model
     body: Hull | None
-    adjusted: force.Adjusted | None
+    adjusted: Adjusted | None
     reason: str  # why there is no force model, where there is none
     findings: list[Finding]
 
@@ -299,7 +300,7 @@ def _adjusted(
     vehicle: Vehicle,
     mission: Mission,
     body: Hull | None,
-) -> tuple[force.Adjusted | None, str]:
+) -> tuple[Adjusted | None, str]:
     """Return the force model adjusted to the depth rate, or why there is none."""
     if body is None:
         return None, "no mass or no density: no net buoyancy"
@@ -312,7 +313,7 @@ def _adjusted(
             parts.append(adjust.Stretch(series, inputs))
     if not parts:
         return None, reason
-    craft = force.craft(vehicle, mission, body)
+    craft = from_vehicle(vehicle, mission, body)
     paths = []
     for part in parts:
         guess = first_guess(part.series, vehicle.polar)

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from pipeline.estimate.force import HULL_TIME, PARAMETERS, Craft
+from pipeline.estimate.craft import HULL_TIME, PARAMETERS, Craft
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.series import Series
 from pipeline.model.forces import propeller_of

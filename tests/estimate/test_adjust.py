@@ -14,7 +14,7 @@ from dives import PETREL, Flown
 
 from pipeline.estimate import adjust, force, stage
 from pipeline.estimate.ballast import hull
-from pipeline.estimate.force import PARAMETERS, Adjusted
+from pipeline.estimate.craft import PARAMETERS, Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import from_records
 from pipeline.estimate.trajectory import first_guess
@@ -37,7 +37,7 @@ def adjusted(flown: Flown, *, speed: np.ndarray | None = None, use: bool = False
     assert given is not None
     guess = first_guess(found, flown.vehicle.polar)
     at = force.path(found, guess.speed, guess.pitch)
-    craft = force.craft(flown.vehicle, flown.mission, body)
+    craft = from_vehicle(flown.vehicle, flown.mission, body)
     return adjust.adjust([adjust.Stretch(found, given)], craft, [at], speed=use)
 
 
@@ -172,7 +172,7 @@ def test_a_mission_without_depth_leaves_all_as_it_was() -> None:
     assert given is not None
     blind = replace(found, depth=np.full(found.time.size, np.nan))
     at = force.path(blind, np.full(found.time.size, 0.4), found.pitch_guess)
-    craft = force.craft(flown.vehicle, flown.mission, body)
+    craft = from_vehicle(flown.vehicle, flown.mission, body)
     result = adjust.adjust([adjust.Stretch(blind, given)], craft, [at], speed=False)
     np.testing.assert_allclose(result.craft.value, craft.centre, atol=1e-9)
     np.testing.assert_allclose(np.sqrt(np.sum(result.columns**2, axis=1)), craft.std, rtol=1e-9)

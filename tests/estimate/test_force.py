@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from pipeline import vehicle
 from pipeline.estimate import force, reference, smoother
-from pipeline.estimate.force import DEPTH, LOAD, PARAMETERS, PITCH, SPEED, WATER, Craft, Path, linearise
+from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
+from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, linearise
 from pipeline.estimate.forcing import Forcing, lagged, with_thermal_lag
 from pipeline.estimate.settings import Settings
 from pipeline.model.dynamics import trajectory
@@ -323,7 +324,7 @@ def test_filterpy_solves_the_same_problem_to_1e9() -> None:
     craft = arrays.craft(PETREL)
     at = force.path(flown, np.full(60, 0.45), pitch)
     columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0])[:, [0, 1, 2, 5]]
-    adjusted = force.Adjusted(craft, STEADY, columns, {})
+    adjusted = Adjusted(craft, STEADY, columns, {})
     ours, _, solution = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
     theirs, _, other = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
     np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-9, atol=1e-9)

@@ -10,7 +10,7 @@ from pages import Page, adjusted, agreeing, section
 from synthetic import START, blocks, inputs
 
 from pipeline import store
-from pipeline.estimate import force
+from pipeline.estimate import craft
 from pipeline.estimate.settings import Settings
 from pipeline.records import PREDICTIONS, conform, timestamps
 from pipeline.report import build, timeline
@@ -69,8 +69,8 @@ def test_adjustment_to_a_sensor_says_so_and_does_not_ask_for_one():
 
 
 def test_every_parameter_of_the_force_model_has_words_and_every_open_one_an_experiment():
-    assert set(force.PARAMETERS) == set(PARAMETERS)
-    assert {name for names, _ in EXPERIMENTS for name in names} == set(force.PARAMETERS)
+    assert set(craft.PARAMETERS) == set(PARAMETERS)
+    assert {name for names, _ in EXPERIMENTS for name in names} == set(craft.PARAMETERS)
     assert set(NOISE) <= set(Settings._fields)
 
 

@@ -1,0 +1,119 @@
+"""The vehicle as the force model sees it: its coefficients, what is not known of them, and what a mission adjusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pipeline.estimate.ballast import Hull
+from pipeline.estimate.forcing import Forcing
+from pipeline.estimate.settings import Settings
+from pipeline.mission import Mission
+from pipeline.model.forces import propeller_of
+from pipeline.vehicle import Polar, Propeller, Vehicle
+
+#: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
+PARAMETERS = (
+    "pitch",  # rad, bias of the measured pitch
+    "parasite_drag",  # relative
+    "lift_slope",  # relative
+    "induced_drag",  # relative
+    "lift_at_zero",  # kg/m
+    "net_buoyancy",  # N
+    "compressibility",  # 1/Pa
+    "thermal_expansion",  # 1/K
+    "thrust",  # relative
+    "hull_time",  # s, in which the hull takes on the temperature of the water
+)
+BIAS, BUOYANCY, EXPANSION, THRUST, HULL_TIME = (
+    PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "thrust", "hull_time")
+)
+#: s, the time in which a hull takes on the temperature of the water, before the mission; and its 1-sigma.
+HULL_TIME_BEFORE, HULL_TIME_STD = 150.0, 150.0
+#: Mass along the nose over mass, where added mass is not known.
+ADDED = 1.1
+
+
+class Craft(NamedTuple):
+    """A vehicle as the force model sees it; the parameters' 1-sigma and current values in the order of `PARAMETERS`."""
+
+    polar: Polar
+    propeller: Propeller
+    inertia: float  # kg, mass along the nose, added mass included
+    density: float  # kg/m3, at which the polar holds
+    expansion: float  # 1/K
+    centre: np.ndarray  # (c,): values before the mission
+    std: np.ndarray  # (c,): 1-sigma before the mission
+    value: np.ndarray  # (c,): values now
+    propeller_std: tuple[float, float] = (0.0, 0.0)  # 1-sigma of K_1 and K_2
+
+
+class Adjusted(NamedTuple):
+    """The craft with adjusted values, what is left open of all parameters together, and the account of it."""
+
+    craft: Craft
+    settings: Settings
+    columns: np.ndarray  # (c, k): square root of the parameters' covariance
+    report: dict[str, Any]
+
+
+def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
+    """Return the vehicle as the force model sees it before the mission.
+
+    Parameters
+    ----------
+    vehicle
+        Coefficients with 1-sigma; what it does not know is taken as zero and known.
+    mission
+        1-sigma of the bias of pitch.
+    body
+        Mass, and 1-sigma of net buoyancy.
+    """
+    std = {
+        "pitch": math.radians(mission.pitch.std_deg),
+        "lift_at_zero": vehicle.std("lift_at_zero"),
+        "net_buoyancy": body.std,
+        "compressibility": vehicle.std("compressibility"),
+        "thermal_expansion": vehicle.std("thermal_expansion"),
+        "thrust": vehicle.std("thrust_static") / vehicle["thrust_static"] if vehicle.propeller else 0.0,
+        "hull_time": HULL_TIME_STD,
+    }
+    std |= {name: vehicle.std(name) / vehicle[name] for name in ("parasite_drag", "lift_slope", "induced_drag")}
+    known = np.nan_to_num(np.array([std[name] for name in PARAMETERS]))
+    centre = np.zeros(len(PARAMETERS))
+    centre[HULL_TIME] = HULL_TIME_BEFORE
+    forward = vehicle["mass_forward"]
+    return Craft(
+        vehicle.polar,
+        propeller_of(vehicle),
+        forward if math.isfinite(forward) else ADDED * body.mass,
+        vehicle["reference_density"],
+        float(np.nan_to_num(vehicle["thermal_expansion"])),
+        centre,
+        known,
+        centre.copy(),
+        (vehicle.std("thrust_static"), vehicle.std("thrust_slope")) if vehicle.propeller else (0.0, 0.0),
+    )
+
+
+def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndarray]) -> float:
+    """Return the relative 1-sigma of thrust at the advance ratios met: near J_0 a little of K_1 and K_2 is much of T.
+
+    Parameters
+    ----------
+    craft
+        Thrust law and 1-sigma of its coefficients.
+    forces, speeds
+        Inputs, and V [m/s] at the same instants, of each stretch.
+    """
+    law, (std_1, std_2) = craft.propeller, craft.propeller_std
+    speed = np.concatenate(speeds)
+    rotation = np.concatenate([force.propeller_speed for force in forces])
+    turning = np.abs(rotation) > 0.0
+    if not turning.any() or not std_1 + std_2 > 0.0:
+        return float(craft.std[THRUST])
+    ratio = float(np.median(speed[turning] / (np.abs(rotation[turning]) * law.diameter)))
+    return math.hypot(std_1, std_2 * ratio) / max(law.thrust_static + law.thrust_slope * ratio, std_1)
