@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 
 from pipeline.model.steady import Signs, Steady, steady_state
 from pipeline.paper.numbers import EXAMPLE, Fastest
-from pipeline.report.drawing import FREE, INK, MEASURED, VOID, WIDTH, Array, Picture, canvas, render, style
+from pipeline.report.figures.drawing import FREE, INK, MEASURED, VOID, WIDTH, Array, Picture, canvas, render, style
 from pipeline.vehicle import Vehicle
 
 #: Colour and stroke of each convention: where they agree, both are seen.

@@ -17,7 +17,19 @@ from pipeline.model.attraction import CONVERGED, attraction
 from pipeline.model.lyapunov import Certificate, certificate, composite, inertia_limit, quadratic
 from pipeline.model.modes import Equilibrium, equilibrium
 from pipeline.paper.numbers import EXAMPLE
-from pipeline.report.drawing import FAINT, HELD, INK, MEASURED, PAPER, WIDTH, Array, Picture, canvas, render, style
+from pipeline.report.figures.drawing import (
+    FAINT,
+    HELD,
+    INK,
+    MEASURED,
+    PAPER,
+    WIDTH,
+    Array,
+    Picture,
+    canvas,
+    render,
+    style,
+)
 from pipeline.vehicle import Vehicle
 
 MODES: dict[str, float | None] = {"gliding": None, "hybrid": EXAMPLE}

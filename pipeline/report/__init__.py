@@ -53,21 +53,12 @@ def build(inputs: Inputs) -> tuple[dict[str, Any], str]:
 
     The same inputs give the same bytes: nothing in them depends on when or where the report is made.
     """
-    from pipeline.report import figures, page, timeline
+    from pipeline.report import page
+    from pipeline.report.figures import draw
     from pipeline.report.summary import summarise
 
     summary, comparison = summarise(inputs)
-    pictures = {
-        "answer": figures.answer(summary["parts"]),
-        "water": timeline.water_column(inputs.records, inputs.estimates),
-        "flight": timeline.flight(
-            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
-        ),
-        "curves": figures.curves(inputs.blocks, inputs.vehicle, page.gps_of(summary)),
-        "agreement": figures.agreement(comparison),
-        "fit": figures.fitted(summary["fit"]),
-    }
-    return summary, page.report(summary, pictures)
+    return summary, page.report(summary, draw(inputs, summary, comparison))
 
 
 def index(summaries: Sequence[Mapping[str, Any]]) -> str:

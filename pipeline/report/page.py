@@ -5,28 +5,48 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from pipeline.report.adjustment import amount
-from pipeline.report.drawing import Picture
+from pipeline.report.figures import NO_FIGURE
+from pipeline.report.figures.drawing import Picture
+from pipeline.report.guide import guide
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Rows of a table of blocks on the page; all of them are in summary.json.
 MOST_ROWS = 200
 MISSING = "–"
 
-#: Why a figure is not there.
-NO_FIGURE = {
-    "answer": "no part of the mission has a known net buoyancy and pitch",
-    "water": "no depth was measured",
-    "flight": "there are no records to draw",
-    "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
-    "agreement": "no block has both a measured and a predicted speed",
-    "fit": "no correction was fitted",
-}
+
+class Section(NamedTuple):
+    """A section of the page: templates/sections/<name>.html under its title, and what the navigation calls it."""
+
+    name: str
+    short: str
+    title: str
+
+
+SECTIONS = (
+    Section("numbers", "Key numbers", "Key numbers"),
+    Section("trial", "Trial table", "The trial: published, theory, measured"),
+    Section("flight", "Flight", "Flight"),
+    Section("comparison", "Comparison", "Measured against theory"),
+    Section("stability", "Stable range", "Stable range"),
+    Section("fit", "Fit", "Which correction explains the difference"),
+    Section("stored", "Stored model", "The vehicle's own stored model"),
+    Section("force", "Force estimate", "The force estimate: theory adjusted to this mission"),
+    Section("instruments", "Instruments", "Do the instruments agree?"),
+    Section("findings", "Data quality", "Data quality"),
+    Section("observability", "Observability", "Estimates and observability"),
+    Section("consistency", "Consistency", "Is the estimator consistent?"),
+    Section("borrowed", "What was borrowed", "What was borrowed"),
+    Section("take", "Take this with you", "Take this with you"),
+    Section("methods", "Methods", "Methods"),
+    Section("provenance", "Provenance", "Provenance"),
+)
 
 
 def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -> str:
@@ -43,6 +63,8 @@ def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -
         summary=summary,
         pictures=pictures,
         no_figure=NO_FIGURE,
+        sections=SECTIONS,
+        guide=guide(),
         block_rows=_block_rows(summary["comparison"]["blocks"]),
         block_count=_block_count(summary["comparison"]["blocks"]),
         most_rows=MOST_ROWS,
@@ -94,14 +116,6 @@ def svg(picture: Picture) -> Markup:
     """Return a figure's drawing with its alternative text, to stand inside the page."""
     label = Markup.escape(picture.alt)
     return Markup(picture.svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
-
-
-def gps_of(summary: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return the speed of level powered flight by GPS, m/s, as a part of the mission has it."""
-    for part in summary["parts"]:
-        if part["measured_blocks"] == [-1]:
-            return part["measured_speed_m_s"], part["measured_speed_std_m_s"]
-    return None
 
 
 def _block_count(columns: Mapping[str, Any]) -> int:

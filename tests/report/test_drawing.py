@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.drawing import canvas, clock, envelope, render, spans, style, thin, with_gaps
+from pipeline.report.figures.drawing import canvas, clock, envelope, render, spans, style, thin, with_gaps
 
 
 @given(st.integers(3001, 20_000), st.integers(0, 100))

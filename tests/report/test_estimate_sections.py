@@ -13,9 +13,10 @@ from pipeline import store
 from pipeline.estimate import craft
 from pipeline.estimate.settings import Settings
 from pipeline.records import PREDICTIONS, conform, timestamps
-from pipeline.report import build, timeline
+from pipeline.report import build
 from pipeline.report.adjustment import EXPERIMENTS, NOISE, PARAMETERS, adjustment
 from pipeline.report.compatibility import compatibility
+from pipeline.report.figures.flight import flight
 
 
 def test_page_scores_each_estimate_against_a_sensor_that_was_held_out(built):
@@ -135,4 +136,4 @@ def test_figure_of_a_long_mission_is_no_larger_than_that_of_a_short_one(petrel, 
 
 def _drawn(records, estimates, force_estimates):
     nothing = blocks(dives=1).iloc[:0], conform(pd.DataFrame({"block": []}), PREDICTIONS)
-    return timeline.flight(records, estimates, force_estimates, *nothing, None).svg
+    return flight(records, estimates, force_estimates, *nothing, None).svg

@@ -11,7 +11,7 @@ from synthetic import SETTINGS, blocks, inputs, level_blocks
 
 from pipeline import store
 from pipeline.mission import Mission, Nominal
-from pipeline.report import build, index
+from pipeline.report import build, guide, index
 from pipeline.report.page import MOST_ROWS, TEMPLATES, number, spread
 
 
@@ -66,7 +66,7 @@ def test_summary_is_json_and_says_what_the_page_says(built):
 
 def test_every_number_on_the_page_is_in_the_summary(built):
     """A number may be rounded, or shown in cm/s; only what a template itself says need not be in the summary."""
-    said = " ".join(path.read_text() for path in sorted(TEMPLATES.glob("*.html")))
+    said = " ".join(path.read_text() for path in [*sorted(TEMPLATES.rglob("*.html")), guide.FILE])
     values, texts = [], [said]
 
     def collect(item):

@@ -1,23 +1,21 @@
-"""Figures against time: the water column as in Figs. 11 and 12 of the paper, flight as in Figs. 13 and 14."""
+"""Flight against time, as Figs. 13 and 14 of the paper."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib import MatplotlibDeprecationWarning
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap
 
 from pipeline.records import seconds, usable
 from pipeline.report.compare import floats
-from pipeline.report.drawing import (
+from pipeline.report.figures.drawing import (
     FORCE,
     HELD,
     MEASURED,
+    POINTS,
     SENSOR,
     STORED,
     VOID,
@@ -26,6 +24,7 @@ from pipeline.report.drawing import (
     canvas,
     clock,
     envelope,
+    gap,
     message,
     render,
     scale,
@@ -61,67 +60,6 @@ WORDS = {
 SHOWN_DIVES = 3
 #: A mission no longer than this is shown whole, s.
 SHOWN_WHOLE = 6 * 3600.0
-#: Coloured points of depth against time at most.
-POINTS = 20_000
-#: A gap in a record longer than this breaks its line, s.
-GAP = 120.0
-
-
-def water_column(records: pd.DataFrame, estimates: pd.DataFrame) -> Picture | None:
-    """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth.
-
-    Where the thermometer runs on another clock than the pressure sensor, its points are drawn at the smoothed depth
-    of `estimates`, row by row of the same instants as `records`.
-    """
-    depth = np.where(usable(records, "pressure"), floats(records, "depth"), np.nan)
-    known = np.isfinite(depth)
-    if not known.any():
-        return None
-    time = seconds(records["time"])
-    start = float(time[known][0])
-    temperature = np.where(usable(records, "temperature"), floats(records, "temperature"), np.nan)
-    smoothed = len(estimates) == len(records) and bool((~known & np.isfinite(temperature)).any())
-    place = np.where(known, depth, floats(estimates, "depth")) if smoothed else depth
-    warm = np.isfinite(place) & np.isfinite(temperature)
-    with style():
-        figure = canvas(WIDTH, 4.6 if warm.any() else 2.8)
-        hours, unit = clock(time, start)
-        if warm.any():
-            upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
-            step = max(1, int(np.ceil(warm.sum() / POINTS)))
-            points = upper.scatter(
-                hours[warm][::step], place[warm][::step], c=temperature[warm][::step], s=2.5,
-                cmap=thermal(), rasterized=True, linewidths=0,
-            )  # fmt: skip
-            figure.colorbar(points, ax=[upper, lower], label="temperature, °C", aspect=30, pad=0.01)
-            lower.plot(*thin(*with_gaps(hours[warm], temperature[warm], _gap(unit))), color=MEASURED, linewidth=0.8)
-            lower.set_ylabel("temperature, °C")
-        else:
-            upper = lower = figure.subplots()
-            upper.plot(*thin(*with_gaps(hours[known], depth[known], _gap(unit))), color=MEASURED)
-        upper.invert_yaxis()
-        upper.set_ylabel("depth, m")
-        lower.set_xlabel(since(start, unit))
-        lower.margins(x=0.01)
-        svg = render(figure, "water")
-    words = f"Depth against time, down to {np.max(depth[known]):.0f} m"
-    if not warm.any():
-        return Picture("water", svg, words + ".", "Measured depth against time; no temperature was measured.")
-    low, high = np.min(temperature[warm]), np.max(temperature[warm])
-    caption = "Measured depth against time, coloured by measured temperature; below, temperature."
-    if smoothed:
-        caption += " Temperature and pressure have clocks of their own: its points are drawn at the smoothed depth."
-    return Picture("water", svg, f"{words}, coloured by temperature from {low:.1f} to {high:.1f} °C.", caption)
-
-
-def thermal() -> Colormap:
-    """Return cmocean's colour map for temperature (Thyng et al. 2016, doi:10.5670/oceanog.2016.66)."""
-    with warnings.catch_warnings():
-        # cmocean 4.0 makes its maps with an argument that matplotlib 3.11 deprecates.
-        warnings.simplefilter("ignore", MatplotlibDeprecationWarning)
-        import cmocean
-    colours: Colormap = cmocean.cm.thermal
-    return colours
 
 
 def window(records: pd.DataFrame) -> tuple[float, float, str]:
@@ -185,7 +123,7 @@ def flight(
                 )
                 steps: dict[str, Any] = {"drawstyle": "steps-post"} if name in ("engine", "propeller") else {}
                 axes[name].plot(
-                    *thin(*with_gaps(hours, factor * values, _gap(unit))), color=MEASURED, linewidth=1.0, **steps
+                    *thin(*with_gaps(hours, factor * values, gap(unit))), color=MEASURED, linewidth=1.0, **steps
                 )
                 axes[name].set_ylabel(label)
         axes["depth"].invert_yaxis()
@@ -275,7 +213,7 @@ def _speed_panel(
     if stored is not None:
         own = _between(stored, begin, end)
         own_clock = clock(seconds(own["time"]), begin, unit)[0]
-        axes.plot(*thin(*with_gaps(own_clock, floats(own, "speed"), 2.0 * _gap(unit))), color=STORED, linewidth=0.9,
+        axes.plot(*thin(*with_gaps(own_clock, floats(own, "speed"), 2.0 * gap(unit))), color=STORED, linewidth=0.9,
                   label="stored model")  # fmt: skip
     for look, table in guesses:
         _estimated(axes, table, "speed", 1.0, look, begin, unit)
@@ -299,7 +237,3 @@ def _speed_panel(
 def _between(frame: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
     time = seconds(frame["time"])
     return frame[(time >= begin) & (time <= end)]
-
-
-def _gap(unit: str) -> float:
-    return GAP * scale(unit)

@@ -75,6 +75,14 @@ STYLE: Any = {
 WIDTH = 9.6
 #: Points per line beyond which a series is thinned.
 MOST = 3000
+#: Coloured points of a quantity against time at most.
+POINTS = 20_000
+#: Marks with error bars beyond this many are drawn as an image.
+MOST_MARKS = 400
+#: A gap in a record longer than this breaks its line, s.
+GAP = 120.0
+#: How a dive, level flight and a climb are marked.
+MARKERS = {-1: "v", 0: "s", 1: "^"}
 
 
 @dataclass(frozen=True)
@@ -214,6 +222,11 @@ def clock(time: Array, start: float, unit: str = "") -> tuple[Array, str]:
 def scale(unit: str) -> float:
     """Return hours or days per second."""
     return 1.0 / (86400.0 if unit == "days" else 3600.0)
+
+
+def gap(unit: str) -> float:
+    """Return the gap in a record that breaks its line, in hours or days."""
+    return GAP * scale(unit)
 
 
 def since(start: float, unit: str) -> str:

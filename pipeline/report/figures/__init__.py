@@ -1,0 +1,62 @@
+"""The figures of a report, one module each; all are inline SVG with a text that says what is to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.report import Inputs
+    from pipeline.report.figures.drawing import Picture
+
+#: Why a figure is not there.
+NO_FIGURE = {
+    "answer": "no part of the mission has a known net buoyancy and pitch",
+    "water": "no depth was measured",
+    "flight": "there are no records to draw",
+    "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
+    "agreement": "no block has both a measured and a predicted speed",
+    "corrections": "no correction was fitted",
+}
+
+
+def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -> dict[str, Picture | None]:
+    """Return every figure of the page by its name; None where there is nothing to draw, for `NO_FIGURE`'s reason.
+
+    Parameters
+    ----------
+    inputs
+        What the earlier stages hand over.
+    summary
+        The content of summary.json.
+    comparison
+        The comparisons of `pipeline.report.compare`.
+    """
+    from pipeline.report.figures.agreement import agreement
+    from pipeline.report.figures.answer import answer
+    from pipeline.report.figures.corrections import corrections
+    from pipeline.report.figures.curves import curves
+    from pipeline.report.figures.flight import flight
+    from pipeline.report.figures.water import water
+
+    gps = _gps(summary["parts"])
+    return {
+        "answer": answer(summary["parts"]),
+        "water": water(inputs.records, inputs.estimates),
+        "flight": flight(
+            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
+        ),
+        "curves": curves(inputs.blocks, inputs.vehicle, gps),
+        "agreement": agreement(comparison),
+        "corrections": corrections(summary["fit"]),
+    }
+
+
+def _gps(parts: list[Mapping[str, Any]]) -> tuple[float, float] | None:
+    """Return the speed of level powered flight by GPS, m/s, as a part of the mission has it."""
+    for part in parts:
+        if part["measured_blocks"] == [-1]:
+            return part["measured_speed_m_s"], part["measured_speed_std_m_s"]
+    return None

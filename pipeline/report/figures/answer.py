@@ -1,0 +1,96 @@
+"""The answer as one figure: speed of each part of the mission, measured and by theory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pipeline.report.figures.drawing import FREE, HELD, MEASURED, SENSOR, VOID, Picture, canvas, render, style
+
+
+def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
+    """Return measured and predicted speed of each part of the mission side by side; None if there is no part.
+
+    Parameters
+    ----------
+    parts
+        Rows of `nominal.table`.
+    """
+    if not parts:
+        return None
+    things = (
+        ("measured_speed", "measured", MEASURED, "o"),
+        ("held_speed", "theory, measured pitch held", HELD, "D"),
+        ("free_speed", "theory, pitch left free", FREE, "X"),
+        ("sensor_speed", "speed sensor", SENSOR, "s"),
+    )
+    with style():
+        figure = canvas(7.4, 1.5 + 0.85 * len(parts))
+        axes = figure.subplots()
+        seen: set[str] = set()
+        for row, part in enumerate(parts):
+            base = len(parts) - 1.0 - row
+            if row % 2 == 0:
+                axes.axhspan(base - 0.5, base + 0.5, color=VOID, alpha=0.10, linewidth=0)
+            low, high = part["stable_speed_lower_m_s"], part["stable_speed_upper_m_s"]
+            if math.isfinite(low) and math.isfinite(high):
+                axes.plot([low, high], [base - 0.36] * 2, color=VOID, linewidth=4, solid_capstyle="butt",
+                          label=None if "range" in seen else "stable range, (27), (28)")  # fmt: skip
+                seen.add("range")
+            for place, (key, label, colour, marker) in enumerate(things):
+                value, std = part[f"{key}_m_s"], part[f"{key}_std_m_s"]
+                if not math.isfinite(value):
+                    continue
+                axes.errorbar(
+                    value, base + 0.3 - 0.17 * place, xerr=std if math.isfinite(std) else None, color=colour,
+                    marker=marker, markersize=7, capsize=3, linestyle="none", label=None if key in seen else label,
+                )  # fmt: skip
+                seen.add(key)
+            if not math.isfinite(part["measured_speed_m_s"]):
+                axes.annotate(
+                    part["measured_reason"], (0.01, base + 0.36), xycoords=("axes fraction", "data"), fontsize=8,
+                    va="top", color=MEASURED,
+                )  # fmt: skip
+        axes.set_yticks(range(len(parts)), [_wrapped(part) for part in reversed(parts)])
+        axes.set_ylim(-0.55, len(parts) - 0.45)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("speed through water, m/s (bars: 1σ)")
+        axes.set_xlim(left=0.0)
+        handles, labels = axes.get_legend_handles_labels()
+        order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("stable"))
+        figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=2)
+        svg = render(figure, "answer")
+    words = [
+        f"{part['name']}: measured {_value(part['measured_speed_m_s'])}, pitch held {_value(part['held_speed_m_s'])}, "
+        f"pitch free {_value(part['free_speed_m_s'])} m/s"
+        for part in parts
+    ]
+    caption = "Measured speed (blue) beside theory with the measured pitch held (orange diamonds)"
+    if "free_speed" in seen:
+        caption += " and with the pitch left free at α = −K_M0/K_M (purple crosses)"
+    caption += ". Bars are 1σ"
+    if "sensor_speed" in seen:
+        caption += "; green squares: the speed sensor in the same blocks"
+    if "range" in seen:
+        caption += "; the grey bar is the stable range of the paper's inequalities with the pitch left free"
+    return Picture(
+        "answer",
+        svg,
+        "Speeds of each part of the mission, measured and by theory. " + "; ".join(words) + ".",
+        caption + ".",
+    )
+
+
+def _wrapped(part: Mapping[str, Any]) -> str:
+    settings = f"{part['net_buoyancy_N']:+.1f} N"
+    if part["propeller_speed_rpm"]:
+        settings += f", {part['propeller_speed_rpm']:.0f} rpm"
+    if math.isfinite(part["pitch_deg"]):
+        settings += f", {part['pitch_deg']:+.1f}°"
+    return f"{part['name']}\n{settings}"
+
+
+def _value(number: float) -> str:
+    return f"{number:.3f}" if math.isfinite(number) else "unknown"

@@ -1,0 +1,84 @@
+"""The water column: depth and temperature against time, as Figs. 11 and 12 of the paper."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+from matplotlib import MatplotlibDeprecationWarning
+from matplotlib.colors import Colormap
+
+from pipeline.records import seconds, usable
+from pipeline.report.compare import floats
+from pipeline.report.figures.drawing import (
+    MEASURED,
+    POINTS,
+    WIDTH,
+    Picture,
+    canvas,
+    clock,
+    gap,
+    render,
+    since,
+    style,
+    thin,
+    with_gaps,
+)
+
+
+def water(records: pd.DataFrame, estimates: pd.DataFrame) -> Picture | None:
+    """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth.
+
+    Where the thermometer runs on another clock than the pressure sensor, its points are drawn at the smoothed depth
+    of `estimates`, row by row of the same instants as `records`.
+    """
+    depth = np.where(usable(records, "pressure"), floats(records, "depth"), np.nan)
+    known = np.isfinite(depth)
+    if not known.any():
+        return None
+    time = seconds(records["time"])
+    start = float(time[known][0])
+    temperature = np.where(usable(records, "temperature"), floats(records, "temperature"), np.nan)
+    smoothed = len(estimates) == len(records) and bool((~known & np.isfinite(temperature)).any())
+    place = np.where(known, depth, floats(estimates, "depth")) if smoothed else depth
+    warm = np.isfinite(place) & np.isfinite(temperature)
+    with style():
+        figure = canvas(WIDTH, 4.6 if warm.any() else 2.8)
+        hours, unit = clock(time, start)
+        if warm.any():
+            upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+            step = max(1, int(np.ceil(warm.sum() / POINTS)))
+            points = upper.scatter(
+                hours[warm][::step], place[warm][::step], c=temperature[warm][::step], s=2.5,
+                cmap=thermal(), rasterized=True, linewidths=0,
+            )  # fmt: skip
+            figure.colorbar(points, ax=[upper, lower], label="temperature, °C", aspect=30, pad=0.01)
+            lower.plot(*thin(*with_gaps(hours[warm], temperature[warm], gap(unit))), color=MEASURED, linewidth=0.8)
+            lower.set_ylabel("temperature, °C")
+        else:
+            upper = lower = figure.subplots()
+            upper.plot(*thin(*with_gaps(hours[known], depth[known], gap(unit))), color=MEASURED)
+        upper.invert_yaxis()
+        upper.set_ylabel("depth, m")
+        lower.set_xlabel(since(start, unit))
+        lower.margins(x=0.01)
+        svg = render(figure, "water")
+    words = f"Depth against time, down to {np.max(depth[known]):.0f} m"
+    if not warm.any():
+        return Picture("water", svg, words + ".", "Measured depth against time; no temperature was measured.")
+    low, high = np.min(temperature[warm]), np.max(temperature[warm])
+    caption = "Measured depth against time, coloured by measured temperature; below, temperature."
+    if smoothed:
+        caption += " Temperature and pressure have clocks of their own: its points are drawn at the smoothed depth."
+    return Picture("water", svg, f"{words}, coloured by temperature from {low:.1f} to {high:.1f} °C.", caption)
+
+
+def thermal() -> Colormap:
+    """Return cmocean's colour map for temperature (Thyng et al. 2016, doi:10.5670/oceanog.2016.66)."""
+    with warnings.catch_warnings():
+        # cmocean 4.0 makes its maps with an argument that matplotlib 3.11 deprecates.
+        warnings.simplefilter("ignore", MatplotlibDeprecationWarning)
+        import cmocean
+    colours: Colormap = cmocean.cm.thermal
+    return colours
