@@ -40,6 +40,7 @@ from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.craft import PARAMETERS, Craft, from_vehicle
 from pipeline.estimate.forcing import Forcing, forcing
 from pipeline.estimate.linearise import Sources, Trajectory
+from pipeline.estimate.problem import Problem, design, process, transition
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import first_guess, iterate
@@ -78,11 +79,11 @@ class Glide(NamedTuple):
             inputs=Forcing(*(value[rows] for value in self.inputs)),
         )
 
-    def by_polar(self) -> smoother.Problem:
+    def by_polar(self) -> Problem:
         """Return the kinematic problem, linear along the trajectory."""
         return linearise.linearise(self.series, self.vehicle.polar, Settings(), self.at, DEPTH_ALONE)
 
-    def by_force(self) -> smoother.Problem:
+    def by_force(self) -> Problem:
         """Return the problem of the force model, linear along the trajectory."""
         path = force.path(self.series, self.at.speed, self.at.pitch)
         nothing = np.empty((len(PARAMETERS), 0))
@@ -175,7 +176,7 @@ def by_filterpy(glide: Glide) -> np.ndarray:
         problem = glide.by_polar()
     m, p = problem.observed.shape
     n = problem.mean_0.size
-    F, Q, H = smoother.transition(problem), smoother.process(problem), smoother.design(problem)
+    F, Q, H = transition(problem), process(problem), design(problem)
     shift = np.zeros((m, n))
     shift[:, problem.coupled] = problem.shift[:, :, 0]
     ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1, dim_u=n)

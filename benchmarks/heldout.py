@@ -33,12 +33,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.real import DEPTHS, said
 from benchmarks.truth import MISSIONS, Real, lay_out, score_comet, score_sg171
 from pipeline import mission as missions
-from pipeline.estimate import force, smoother, stage
+from pipeline.estimate import force, part, preparation, smoother
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.forcing import forcing
+from pipeline.estimate.preparation import Prepared
 from pipeline.estimate.series import from_records, powered
-from pipeline.estimate.stage import Prepared
 from pipeline.ingest import ingest
 from pipeline.records import of_method, seconds
 from pipeline.roster import resolve_vehicle
@@ -129,8 +129,8 @@ def fitted(real: Real, records: pd.DataFrame) -> Prepared:
         Canonical records of the dives to be fitted on.
     """
     body = hull(real.mission, real.vehicle, real.constants, records)
-    stretches = [records.iloc[first:last] for first, last in stage.windows(len(records))]
-    return stage.prepare(stretches, real.vehicle, real.mission, body)
+    stretches = [records.iloc[first:last] for first, last in preparation.windows(len(records))]
+    return preparation.prepare(stretches, real.vehicle, real.mission, body)
 
 
 def predicted(records: pd.DataFrame, prepared: Prepared, *, start: float = START) -> pd.DataFrame:
@@ -260,7 +260,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
         table = predicted(split.measured, prepared)
         tables = {"predicted": table}
         if name in ("comet", "sg171"):
-            tables["estimated"] = of_method(stage.part(split.measured, prepared).estimates, "force")
+            tables["estimated"] = of_method(part.solve(split.measured, prepared).estimates, "force")
         for how, one in tables.items():
             for what, score in speeds(name, data, one).items():
                 print(f"    {what}, {how}: {said(score)}")

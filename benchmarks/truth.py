@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import mission as missions
-from pipeline.estimate import adjust, stage
+from pipeline.estimate import adjust, preparation, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.stage import Estimated, estimate
 from pipeline.ingest import ingest
@@ -93,7 +93,7 @@ def estimated(real: Real) -> Estimated:
 def by_unadjusted_force(real: Real, vehicle: Vehicle) -> pd.DataFrame:
     """Return the estimates by the force model of `vehicle`, none of its parameters adjusted."""
     body = hull(real.mission, vehicle, real.constants, real.records)
-    prepared = stage.prepare([real.records], vehicle, real.mission, body)
+    prepared = preparation.prepare([real.records], vehicle, real.mission, body)
     if prepared.adjusted is None:
         raise ValueError(f"force model: {prepared.reason}")
     prepared = prepared._replace(adjusted=adjust.unadjusted(prepared.adjusted))

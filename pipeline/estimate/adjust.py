@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from pipeline.estimate import smoother
+from pipeline.estimate import kalman, smoother
 from pipeline.estimate.craft import BUOYANCY, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft, thrust_std
 from pipeline.estimate.force import PITCH, SPEED, Path, linearise, path
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import ENOUGH, WATER, covariance, noise_from
+from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 
@@ -123,12 +124,12 @@ def _equations(
     return total
 
 
-def _normal(problem: smoother.Problem, series: Series) -> _Normal:
+def _normal(problem: Problem, series: Series) -> _Normal:
     """Return the normal equations of one stretch per prior 1-sigma.
 
     Left out are the surface, and pitch in manoeuvres. Depth in manoeuvres counts: there w_w and V are told apart.
     """
-    found, variance = smoother.innovations(problem)
+    found, variance = kalman.innovations(problem)
     found = found / np.sqrt(variance)[:, :, None]
     used = np.isfinite(found[:, :, 0])
     used[series.afloat] = False
@@ -176,7 +177,7 @@ def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
     return columns
 
 
-def _smoothed(problem: smoother.Problem, series: Series) -> Path:
+def _smoothed(problem: Problem, series: Series) -> Path:
     c = problem.shift.shape[2]
     plain = problem._replace(
         shift=np.ascontiguousarray(problem.shift[:, :, :1]), observed_by=np.empty((len(problem.seen), 0))
@@ -209,7 +210,7 @@ def _likeliest(
         total = 0.5 * float(u @ u)
         for stretch, at in zip(stretches, paths, strict=True):
             problem, _ = linearise(stretch.series, stretch.force, craft, trial, at, speed=speed, columns=nothing)
-            total -= smoother.log_likelihood(problem)
+            total -= kalman.log_likelihood(problem)
         return total
 
     start = (np.log([getattr(settings, name) for name in names]) - median) / spread

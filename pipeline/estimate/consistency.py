@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from pipeline.estimate.kalman import predictions
+from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.series import PAUSE
-from pipeline.estimate.smoother import Problem, Solution, predictions
 
 #: Rows ahead, and the least distance of the rows that predictions start from; no two of the same length overlap.
 STEPS, STRIDE = (1, 10, 60), 20

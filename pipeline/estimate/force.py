@@ -18,9 +18,9 @@ from numba import njit
 from pipeline.estimate.craft import BIAS, EXPANSION, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_thermal_lag
 from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured
+from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.smoother import Problem, Solution
 from pipeline.estimate.trajectory import Flight
 from pipeline.model.forces import thrust
 from pipeline.vehicle import Polar, Propeller

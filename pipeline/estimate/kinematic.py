@@ -22,9 +22,9 @@ import numpy as np
 
 from pipeline.estimate.linearise import CRUISE, CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
 from pipeline.estimate.noise import likeliest, noise_from
+from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.smoother import Problem, Solution
 from pipeline.estimate.trajectory import Flight, Solve, first_guess, flight, iterate
 from pipeline.mission import Mission
 from pipeline.vehicle import Polar, Vehicle

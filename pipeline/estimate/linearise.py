@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.smoother import Problem
 from pipeline.model.closure import best_glides, glide_near, parasite
 from pipeline.vehicle import Polar
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from pipeline.estimate import smoother
+from pipeline.estimate import kalman
 from pipeline.estimate.linearise import Sources, Trajectory, linearise
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
@@ -58,7 +58,7 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
     def cost(u: np.ndarray) -> float:
         trial = settings._replace(**dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
         problem = linearise(calm, polar, trial, at, Sources(speed, fixes=False))
-        return 0.5 * float(u @ u) - smoother.log_likelihood(problem)
+        return 0.5 * float(u @ u) - kalman.log_likelihood(problem)
 
     best = minimize(
         cost,

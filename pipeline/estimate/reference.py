@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from pipeline.estimate.smoother import Problem, Solution, design, process, transition
+from pipeline.estimate.problem import Problem, Solution, design, process, transition
 
 
 def solve(problem: Problem) -> Solution:

@@ -22,9 +22,9 @@ from pipeline.estimate.linearise import (
     change_of_glide,
     linearise,
 )
+from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.smoother import Problem, Solution
 from pipeline.model.closure import glide_angle, glide_angles
 from pipeline.vehicle import Polar
 

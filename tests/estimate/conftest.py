@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import dives
 import pytest
+from dives import Flown
 from truth import Trial
 
 from pipeline import mission, simulate, store, vehicle
-from pipeline.estimate.stage import estimate
+from pipeline.estimate.stage import Estimated, estimate
 from pipeline.ingest import ingest
 
 
@@ -29,3 +31,15 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Trial]:
         return made[name]
 
     return give
+
+
+@pytest.fixture(scope="session")
+def flown() -> Flown:
+    """Return two dives, climbs under power."""
+    return dives.fly(11, dives=((25.0, 4.0, 120.0), (35.0, 6.0, 120.0)), power=700.0)
+
+
+@pytest.fixture(scope="session")
+def found(flown: Flown) -> Estimated:
+    """Return what both methods find."""
+    return estimate(flown.records, flown.vehicle, flown.mission)

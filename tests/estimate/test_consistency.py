@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.estimate import smoother
 from pipeline.estimate.consistency import LAGS, STEPS, Tally, report, tally
-from pipeline.estimate.smoother import Problem, Solution
+from pipeline.estimate.problem import Problem, Solution
 
 M = 12_000
 

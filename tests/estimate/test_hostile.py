@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline import vehicle
 from pipeline.estimate import smoother
-from pipeline.estimate.smoother import Problem, Solution
+from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.stage import Estimated, estimate
 from pipeline.records import ESTIMATES, Phase, conform, of_method
 from pipeline.vehicle import Vehicle

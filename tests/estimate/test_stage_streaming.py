@@ -15,7 +15,8 @@ from pipeline import mission, simulate, store, vehicle
 from pipeline.estimate import stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.blocks import means
-from pipeline.estimate.stage import InMemory, Prepared, Summary, cuts, estimate, prepare, stream
+from pipeline.estimate.preparation import Prepared, prepare
+from pipeline.estimate.stage import InMemory, Summary, cuts, estimate, stream
 from pipeline.ingest import ingest
 from pipeline.mission import Mission
 from pipeline.records import RECORDS, Phase, conform, of_method

@@ -1,0 +1,113 @@
+"""The account of a whole mission: what its parts say, added up, and every finding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from pipeline.estimate.blocks import NO_ENGINE
+from pipeline.estimate.consistency import report as consistency
+from pipeline.estimate.legs import flown
+from pipeline.estimate.part import Part
+from pipeline.estimate.preparation import Prepared
+from pipeline.findings import Finding
+
+
+def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], list[Finding]]:
+    """Return what is said of the whole mission, and every finding.
+
+    Parameters
+    ----------
+    parts
+        All parts, in order; their estimates are not looked at.
+    prepared
+        What they had in common.
+    """
+    model, adjusted = prepared.kinematic, prepared.adjusted
+    judged = {}
+    for method in dict.fromkeys(method for part in parts for method in part.tallies):
+        total = reduce(lambda a, b: a + b, [part.tallies[method] for part in parts if method in part.tallies])
+        judged[method] = consistency(total)
+    seen, size = _sum(parts, "kinematic")
+    shares = np.sum([part.shares for part in parts], axis=0)
+    report: dict[str, Any] = {
+        "observable_share": seen / size,
+        "reasons": _reasons(parts, "kinematic"),
+        "consistency": judged,
+        "coverage": judged["kinematic"]["sensor"],
+        "gps": flown([leg for part in parts for leg in part.legs]) if model.sources.fixes else None,
+        "share_of_variance": {
+            name: float(share) / seen if seen else None for name, share in zip(model.names, shares, strict=True)
+        },
+        "settings": model.settings._asdict()
+        | {"engine": prepared.engine, "pitch_std_deg": prepared.mission.pitch.std_deg},
+        "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes},
+        "compatibility": parts[0].compatibility if len(parts) == 1 else _joined(parts),
+    }
+    report["force"] = {"reason": prepared.reason}
+    if adjusted is not None:
+        seen, size = _sum(parts, "force")
+        report["force"] |= {
+            **adjusted.report,
+            "observable_share": seen / size if size else 0.0,
+            "reasons": _reasons(parts, "force"),
+            "settings": adjusted.settings._asdict(),
+        }
+    findings = list(prepared.findings)
+    if not any(part.engine for part in parts):
+        findings.append(NO_ENGINE)
+    for finding in (item for part in parts for item in part.findings):
+        if finding not in findings:
+            findings.append(finding)
+    return report, findings
+
+
+def _sum(parts: Sequence[Part], method: str) -> tuple[int, int]:
+    counts = [part.observable.get(method, (0, 0)) for part in parts]
+    return sum(seen for seen, _ in counts), sum(size for _, size in counts)
+
+
+def _reasons(parts: Sequence[Part], method: str) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for part in parts:
+        for text, count in part.reasons.get(method, {}).items():
+            total[text] = total.get(text, 0) + count
+    return dict(sorted(total.items()))
+
+
+def _joined(parts: Sequence[Part]) -> dict[str, Any]:
+    """Return the compatibility of the part that determines each quantity best; outliers are summed."""
+    result = dict(parts[0].compatibility)
+    for name in result:
+        entries = [part.compatibility[name] for part in parts]
+        if name == "outliers":
+            total = {key: dict(value) for key, value in entries[0]["instruments"].items()}
+            for entry in entries[1:]:
+                for key, value in entry["instruments"].items():
+                    had = total.setdefault(key, {"count": 0, "first": []})
+                    had["count"] += value["count"]
+            count = sum(entry["value"] or 0 for entry in entries)
+            result[name] = {**entries[0], "value": count, "instruments": total}
+        else:
+            known = [entry for entry in entries if entry["value"] is not None and entry["std"]]
+            result[name] = min(known, key=lambda entry: entry["std"]) if known else entries[0]
+    return result
+
+
+def nothing() -> dict[str, Any]:
+    """Return the report on a mission without records."""
+    return {
+        "observable_share": 0.0,
+        "reasons": {},
+        "consistency": {},
+        "coverage": None,
+        "gps": None,
+        "share_of_variance": {},
+        "settings": {},
+        "used": {"speed_sensor": False, "fixes": False},
+        "compatibility": {},
+        "force": {"reason": "no records"},
+    }
