@@ -140,6 +140,10 @@ def _seconds(column: pd.Series[Any], unit: str | None, table: Table, file: str) 
             moments = moments.tz_localize(table.timezone, ambiguous="NaT", nonexistent="NaT")
         stamps = moments.tz_convert("UTC").as_unit("ns")
         return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
+    if column.dtype.kind != "f" and not (unit and "%" in unit):
+        at_once = times.zoned(column, table.timezone, file)
+        if at_once is not None:
+            return at_once
     numbers = column if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce")
     if column.dtype.kind == "f" or numbers.notna().sum() > 0.5 * max(1, column.notna().sum()):
         stated = unit if unit in times.UNITS or (unit and table.time and table.time.unit == unit) else None

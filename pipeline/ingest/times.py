@@ -60,6 +60,33 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     return np.asarray(seconds)
 
 
+def zoned(texts: pd.Series[Any], timezone: str, file: str) -> Array | None:
+    """Return ISO 8601 times that all name their zone, shape (n,), as seconds since 1970 UTC, read by Arrow at once.
+
+    None where any of them is something else: `textual` takes a hundred times as long, and more kinds of text.
+
+    Parameters
+    ----------
+    texts, timezone, file
+        As for `textual`; the zone is not needed, but must be one.
+
+    Raises
+    ------
+    InputError
+        If the zone is unknown.
+    """
+    import numpy as np
+    import pyarrow as pa
+
+    _zone(timezone, file)
+    try:
+        stamps = pa.array(texts, type=pa.string(), from_pandas=True).cast(pa.timestamp("ns", "UTC"))
+    except (pa.ArrowException, TypeError):
+        return None
+    numbers = stamps.fill_null(0).cast(pa.int64()).to_numpy()
+    return np.where(stamps.is_null().to_numpy(zero_copy_only=False), np.nan, numbers * 1e-9)
+
+
 def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, column: str) -> Array:
     """Return times written as text, shape (n,), as seconds since 1970 UTC; NaN where a text is not a time.
 
@@ -86,9 +113,9 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
     zone = _zone(timezone, file)
     texts = texts.str.replace(r"(:\d{2}),(\d)", r"\1.\2", regex=True)
     layout = unit if unit and "%" in unit else _layout(texts, file, column)
-    zoned = texts.str.contains(_ZONE.pattern, regex=True, flags=re.IGNORECASE, na=False)
+    with_zone = texts.str.contains(_ZONE.pattern, regex=True, flags=re.IGNORECASE, na=False)
     out = np.full(len(texts), np.nan)
-    for mask, has_zone in ((~zoned, False), (zoned, True)):
+    for mask, has_zone in ((~with_zone, False), (with_zone, True)):
         part = texts[mask]
         if part.empty:
             continue
@@ -107,12 +134,12 @@ def _localised(local: pd.Series[Any], zone: ZoneInfo) -> pd.Series[Any]:
 
     NaT where the order does not tell, and in the hour that spring leaves out.
     """
-    zoned: pd.Series[Any]
+    placed: pd.Series[Any]
     try:
-        zoned = local.dt.tz_localize(zone, ambiguous="infer", nonexistent="NaT")
+        placed = local.dt.tz_localize(zone, ambiguous="infer", nonexistent="NaT")
     except ValueError:
-        zoned = local.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
-    return zoned
+        placed = local.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
+    return placed
 
 
 def _zone(name: str, file: str) -> ZoneInfo:

@@ -163,6 +163,28 @@ def test_times_with_and_without_zone_may_stand_in_one_column() -> None:
     assert found.tolist() == [START, START + 1, START + 2]
 
 
+@pytest.mark.parametrize("dtype", ["object", "string"])
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ["2016-06-22T00:00:00Z", None, "2016-06-22T00:00:00.250Z"],
+        ["2016-06-22 02:00:00+02:00", "2016-06-21T23:59Z", "2016-06-22T00:00:00.123456789+0000"],
+        [None, None],
+    ],
+)
+def test_times_that_all_name_their_zone_are_read_at_once_and_come_out_the_same(
+    texts: list[str | None], dtype: str
+) -> None:
+    found = times.zoned(pd.Series(texts, dtype=dtype), "UTC", "x.csv")
+    assert found is not None
+    assert np.array_equal(found, times.textual(pd.Series(texts, dtype="object"), None, "UTC", "x.csv", "time"), True)
+
+
+@pytest.mark.parametrize("other", ["2016-06-22T00:00:00", "22/06/2016", "", "x", "2016-06-22T00:00:60Z", "1466553600"])
+def test_times_of_any_other_kind_are_not_read_at_once(other: str) -> None:
+    assert times.zoned(pd.Series(["2016-06-22T00:00:00Z", other]), "UTC", "x.csv") is None
+
+
 @pytest.mark.parametrize("factor", [1.0, 1e3, 1e6, 1e9])
 def test_numeric_times_are_seconds_milliseconds_or_finer_by_their_size(factor: float) -> None:
     assert times.numeric(np.array([START]) * factor, None, "x.csv", "time")[0] == pytest.approx(START)
@@ -196,8 +218,9 @@ def test_times_that_count_from_the_start_are_refused() -> None:
     )
 
 
-def test_an_unknown_time_zone_names_the_nearest(make: Callable[..., Mission]) -> None:
-    mission = make({"a.csv": "time,pitch\n2016-06-22,0.1\n"}, "files: {a.csv: {timezone: Europe/Berlim}}\n")
+@pytest.mark.parametrize("time", ["2016-06-22", "2016-06-22T00:00:00Z"])
+def test_an_unknown_time_zone_names_the_nearest(make: Callable[..., Mission], time: str) -> None:
+    mission = make({"a.csv": f"time,pitch\n{time},0.1\n"}, "files: {a.csv: {timezone: Europe/Berlim}}\n")
     with pytest.raises(InputError) as error:
         table.read(mission)
     assert str(error.value) == (
