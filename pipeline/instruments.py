@@ -17,6 +17,7 @@ import pandas as pd
 import yaml
 from numpy.typing import NDArray
 
+from pipeline.geodesy import radii
 from pipeline.mission import FILE, Mission
 from pipeline.plan import Plan, Sea
 from pipeline.records import seconds
@@ -69,8 +70,6 @@ BANKING = 2.0
 GPS_NOISE = 3.0
 #: Jitter of a clock as a share of its interval.
 JITTER = 0.02
-#: Semi-major axis [m] and squared eccentricity of WGS 84.
-WGS84 = (6378137.0, 6.69437999014e-3)
 
 
 def generator(seed: int, plan: Plan, name: str) -> np.random.Generator:
@@ -171,13 +170,10 @@ def _fixes(plan: Plan, truth: pd.DataFrame, time: Clock, rng: np.random.Generato
         np.interp(clock, time, truth[name]) + plan.noise * GPS_NOISE * rng.standard_normal(clock.size)
         for name in ("east", "north")
     )
-    latitude = math.radians(plan.latitude)
-    axis, squeeze = WGS84
-    bulge = 1.0 - squeeze * math.sin(latitude) ** 2
-    meridian, prime = axis * (1.0 - squeeze) / bulge**1.5, axis / math.sqrt(bulge)
+    meridian, prime = radii(plan.latitude)
     seen = {
         "latitude": plan.latitude + np.degrees(north / meridian),
-        "longitude": plan.longitude + np.degrees(east / (prime * math.cos(latitude))),
+        "longitude": plan.longitude + np.degrees(east / (prime * math.cos(math.radians(plan.latitude)))),
     }
     return _sampled("gps", np.round(clock, 3), seen, rng, 0.0, {})
 

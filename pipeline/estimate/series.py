@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
+from pipeline.geodesy import apart
 from pipeline.records import Phase, seconds, usable
 
 #: Propeller faster than this (rev/s) or drawing more than this (W) drives the vehicle.
@@ -24,7 +25,6 @@ BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
 AFLOAT = 1.0
 #: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
 BACKWARDS = 0.02
-EARTH_RADIUS = 6_371_000.0
 
 
 @dataclass(frozen=True)
@@ -215,6 +215,4 @@ def _local(records: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     if not known.any():
         return latitude, longitude
     first = int(np.flatnonzero(known)[0])
-    north = np.radians(latitude - latitude[first]) * EARTH_RADIUS
-    eastward = (longitude - longitude[first] + 180.0) % 360.0 - 180.0
-    return np.radians(eastward) * EARTH_RADIUS * np.cos(np.radians(latitude[first])), north
+    return apart(latitude, longitude, latitude[first], longitude[first])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.series import AFTER, BEFORE, EARTH_RADIUS, from_records, increasing, powered
+from pipeline.estimate.series import AFTER, BEFORE, from_records, increasing, powered
 from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
 
 
@@ -82,8 +82,8 @@ def test_fixes_become_metres_also_across_the_date_line(longitude: float) -> None
     latitude[[0, 1199]], east[[0, 1199]] = [20.0, 20.01], [longitude, longitude + 0.001]
     east = np.where(east > 180.0, east - 360.0, east)
     series = from_records(flight(latitude=latitude, longitude=east))
-    assert series.north[1199] == pytest.approx(np.radians(0.01) * EARTH_RADIUS, rel=1e-9)
-    assert series.east[1199] == pytest.approx(np.radians(0.001) * EARTH_RADIUS * np.cos(np.radians(20.0)), rel=1e-6)
+    assert series.north[1199] == pytest.approx(0.01 * 110704.3, rel=1e-4), "NGA's length of a degree at 20 N, m"
+    assert series.east[1199] == pytest.approx(0.001 * 104647.5, rel=1e-4)
     assert not series.located, "no heading"
 
 
