@@ -128,6 +128,8 @@ BLOCKS = (
     Column("depth_rate_std", "m/s", "1-sigma of depth_rate, measurement only"),
     Column("net_buoyancy", "N", "mean net buoyancy force, up positive"),
     Column("net_buoyancy_std", "N", "1-sigma of net_buoyancy"),
+    Column("buoyancy_by_compression", "N Pa", "change of net_buoyancy per compressibility of the hull"),
+    Column("buoyancy_by_expansion", "N K", "change of net_buoyancy per thermal expansion of the hull"),
     Column("propeller_speed", "rev/s", "mean propeller speed"),
     Column("propeller_speed_std", "rev/s", "1-sigma of propeller_speed"),
     Column("battery_position", "m", "mean battery position, forward positive"),
@@ -135,6 +137,8 @@ BLOCKS = (
     Column("density", "kg/m3", "mean in-situ density"),
     Column("density_std", "kg/m3", "1-sigma of density"),
     Column("depth", "m", "mean depth"),
+    Column("heading", "rad", "mean heading, true north, 0 to 2 pi"),
+    Column("roll", "rad", "mean roll, right wing down positive"),
     Column("sensor_speed", "m/s", "mean speed by a sensor, where one is carried"),
     Column("sensor_speed_std", "m/s", "1-sigma of sensor_speed"),
 )

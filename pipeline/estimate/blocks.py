@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import gsw
@@ -12,7 +13,7 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
-from pipeline.model.forces import net_buoyancy
+from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import BLOCKS, conform, seconds, usable
 from pipeline.vehicle import Vehicle
 
@@ -24,7 +25,7 @@ SENSOR_FLOOR = 0.005
 _STATES = ("speed", "angle_of_attack", "path_angle")
 #: Columns that block means are made of.
 _ESTIMATED = ["observable", "reason", "pitch", *_STATES, *(f"{name}_std" for name in _STATES)]
-_JUDGED = ("pitch", "pressure", "speed_through_water")
+_JUDGED = ("pitch", "roll", "heading", "pressure", "speed_through_water")
 _READ = ["time", "dive", "depth", "density", "temperature", "battery_position", *_JUDGED, *(f"{x}_qc" for x in _JUDGED)]
 
 NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
@@ -69,6 +70,7 @@ def means(
         }
         row |= _flight(estimates.iloc[inside])
         row |= _pitch(part, estimates.iloc[inside], mission)
+        row |= _attitude(part)
         row |= _depth_rate(part, time[inside])
         row |= _water(part)
         row |= _sensor(part)
@@ -98,6 +100,13 @@ def _pitch(part: pd.DataFrame, estimates: pd.DataFrame, mission: Mission) -> dic
     mean = float(value.mean()) if value.size else float(estimates["pitch"].mean())
     scatter = float(value.std() / np.sqrt(value.size)) if value.size > 1 else 0.0
     return {"pitch": mean, "pitch_std": float(np.hypot(scatter, np.radians(mission.pitch.std_deg)))}
+
+
+def _attitude(part: pd.DataFrame) -> dict[str, float]:
+    """Return mean roll, and the direction of the mean of the headings' unit vectors."""
+    roll, heading = (part[name].to_numpy()[usable(part, name)] for name in ("roll", "heading"))
+    turned = float(np.angle(np.mean(np.exp(1j * heading)))) % (2.0 * math.pi) if heading.size else math.nan
+    return {"roll": float(roll.mean()) if roll.size else math.nan, "heading": turned}
 
 
 def _depth_rate(part: pd.DataFrame, time: np.ndarray) -> dict[str, float]:
@@ -151,31 +160,33 @@ def _buoyancy(
     if body is None:
         return nothing
     density, pressure, temperature = (float(part[name].mean()) for name in ("density", "pressure", "temperature"))
-
-    def force(compressibility: float, expansion: float) -> float:
-        return float(
-            net_buoyancy(
-                mass=body.mass,
-                volume=body.volume,
-                buoyancy_volume=float(np.mean(engine)),
-                density=density,
-                pressure=pressure,
-                temperature=temperature,
-                compressibility=compressibility,
-                thermal_expansion=expansion,
-                reference_temperature=vehicle["reference_temperature"],
-                gravity=gravity,
-            )
+    value = float(
+        net_buoyancy(
+            mass=body.mass,
+            volume=body.volume,
+            buoyancy_volume=float(np.mean(engine)),
+            density=density,
+            pressure=pressure,
+            temperature=temperature,
+            compressibility=vehicle["compressibility"],
+            thermal_expansion=vehicle["thermal_expansion"],
+            reference_temperature=vehicle["reference_temperature"],
+            gravity=gravity,
         )
-
-    squeeze, expand = vehicle["compressibility"], vehicle["thermal_expansion"]
-    value = force(squeeze, expand)
+    )
     if not np.isfinite(value):
         return nothing
-    by_squeeze = force(squeeze + _known(vehicle.std("compressibility")), expand) - value
-    by_expand = force(squeeze, expand + _known(vehicle.std("thermal_expansion"))) - value
-    return {"net_buoyancy": value, "net_buoyancy_std": float(np.sqrt(body.std**2 + by_squeeze**2 + by_expand**2))}
-
-
-def _known(std: float) -> float:
-    return std if np.isfinite(std) else 0.0
+    displaced = gravity * density * body.volume
+    by_squeeze = -displaced * PASCAL_PER_DBAR * pressure
+    by_expand = displaced * (temperature - vehicle["reference_temperature"])
+    std = math.hypot(
+        body.std,
+        by_squeeze * np.nan_to_num(vehicle.std("compressibility")),
+        by_expand * np.nan_to_num(vehicle.std("thermal_expansion")),
+    )
+    return {
+        "net_buoyancy": value,
+        "net_buoyancy_std": std,
+        "buoyancy_by_compression": by_squeeze,
+        "buoyancy_by_expansion": by_expand,
+    }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.records import seconds, usable
 from pipeline.report.compare import DIRECTIONS, floats
 from pipeline.report.covariance import Noise, water, water_of, with_measurement
-from pipeline.report.fitting.regression import FLOOR
+from pipeline.report.fitting.terms import FLOOR
 
 Array = NDArray[np.float64]
 

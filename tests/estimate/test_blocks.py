@@ -154,3 +154,29 @@ def test_without_any_density_the_ballast_cannot_be_assumed() -> None:
     assert str(findings[0]) == (
         "records: density: found no density; expected temperature and conductivity; no net buoyancy"
     )
+
+
+def test_what_compression_and_expansion_do_to_net_buoyancy_is_its_slope_in_them() -> None:
+    records, estimates = line()
+    mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
+
+    def block(**changes: float) -> pd.Series:
+        return averaged(records, estimates, VEHICLE.with_values(changes, "a test"), mission).iloc[0]
+
+    for name, column in (
+        ("compressibility", "buoyancy_by_compression"),
+        ("thermal_expansion", "buoyancy_by_expansion"),
+    ):
+        step = 0.1 * VEHICLE[name]
+        ahead, behind = (block(**{name: VEHICLE[name] + sign * step})["net_buoyancy"] for sign in (1.0, -1.0))
+        assert block()[column] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-9)
+
+
+def test_mean_heading_is_that_of_the_unit_vectors() -> None:
+    records, estimates = line()
+    north = np.where(np.arange(len(records)) % 2, 0.1, 2.0 * np.pi - 0.1)
+    flags = {f"{name}_qc": np.int8(1) for name in ("heading", "roll")}
+    records = records.assign(heading=north, roll=0.05, **flags)
+    block = averaged(records, estimates, VEHICLE, Mission(vehicle="petrel-ii")).iloc[0]
+    assert np.cos(block["heading"]) == pytest.approx(1.0, abs=1e-4)
+    assert block["roll"] == pytest.approx(0.05)

@@ -2,68 +2,140 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.model.sensitivity import sensitivities
-from pipeline.model.steady import trim_at_pitch
-from pipeline.report.compare import density_of, floats
-from pipeline.report.fitting.parameters import COEFFICIENTS
+from pipeline.model.forces import propeller_of
+from pipeline.model.tangent import BASICS, fly
+from pipeline.report.fitting.parameters import MOMENT, WATER, Correction, correction
+from pipeline.report.fitting.points import Array, Points
 from pipeline.vehicle import Vehicle
 
-Array = NDArray[np.float64]
+PITCH, FORCE = BASICS.index("pitch"), BASICS.index("net_buoyancy")
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The theory at `points` with the corrections `x` made: n points, k corrections.
+
+    Attributes
+    ----------
+    model, x
+        Where it comes from; shape (k,).
+    speed, angle_of_attack, path_angle, pitch
+        V [m/s], α, γ, θ [rad], shape (n,); NaN where there is no steady flight.
+    water
+        Vertical velocity of the water that is a correction, m/s, up, shape (n,).
+    speed_by, attack_by, path_by, water_by
+        Slopes in x, shape (n, k).
+    """
+
+    model: Model
+    x: Array
+    speed: Array
+    angle_of_attack: Array
+    path_angle: Array
+    pitch: Array
+    water: Array
+    speed_by: Array
+    attack_by: Array
+    path_by: Array
+    water_by: Array
+
+    @cached_property
+    def depth_rate(self) -> Array:
+        """Rate of depth, m/s, positive sinking, shape (n,): −V sin γ − w_w."""
+        return -self.speed * np.sin(self.path_angle) - self.water
+
+    @cached_property
+    def depth_rate_by(self) -> Array:
+        """Slopes of `depth_rate`, shape (n, k)."""
+        sine, cosine = np.sin(self.path_angle)[:, None], np.cos(self.path_angle)[:, None]
+        return -self.speed_by * sine - self.speed[:, None] * cosine * self.path_by - self.water_by
+
+    @cached_property
+    def horizontal_speed(self) -> Array:
+        """V cos γ, m/s, shape (n,)."""
+        return self.speed * np.cos(self.path_angle)
+
+    @cached_property
+    def horizontal_speed_by(self) -> Array:
+        """Slopes of `horizontal_speed`, shape (n, k)."""
+        sine, cosine = np.sin(self.path_angle)[:, None], np.cos(self.path_angle)[:, None]
+        return self.speed_by * cosine - self.speed[:, None] * sine * self.path_by
 
 
 @dataclass(frozen=True)
 class Model:
-    """The theory as a function of its corrections; `names` orders the vector x."""
+    """The theory at some points as a function of the corrections `names`, which order the vector x.
+
+    `extra` are corrections of the caller's own, found before those of `parameters.CORRECTIONS`.
+    """
 
     vehicle: Vehicle
+    points: Points
     names: tuple[str, ...]
+    extra: Mapping[str, Correction] = field(default_factory=dict)
 
-    def changed(self, x: Array) -> tuple[Vehicle, float, float]:
-        """Return the vehicle with the corrections `x` made, and those of net buoyancy [N] and pitch [rad]."""
-        given = dict(zip(self.names, x, strict=True))
-        values = {name: self.vehicle[name] + given[name] for name in COEFFICIENTS if name in given}
-        if "thrust_scale" in given:
-            factor = 1.0 + given["thrust_scale"]
-            values |= {name: self.vehicle[name] * factor for name in ("thrust_static", "thrust_slope")}
-        vehicle = self.vehicle.with_values(values, "fit") if values else self.vehicle
-        return vehicle, given.get("net_buoyancy", 0.0), given.get("pitch", 0.0)
+    def at(self, points: Points) -> Model:
+        """Return the same theory at other points."""
+        return replace(self, points=points)
 
-    def predict(self, blocks: pd.DataFrame, x: Array) -> tuple[Array, Array]:
-        """Return speed and depth rate with the measured pitch held, m/s, each of shape (n,)."""
-        vehicle, buoyancy, bias = self.changed(x)
-        trim = trim_at_pitch(
-            vehicle,
-            floats(blocks, "net_buoyancy") + buoyancy,
-            floats(blocks, "pitch") + bias,
-            propeller_speed=np.nan_to_num(floats(blocks, "propeller_speed")),
-            density=density_of(blocks, vehicle),
+    def correction(self, name: str) -> Correction:
+        """Return the correction `name`."""
+        return self.extra[name] if name in self.extra else correction(name)
+
+    def value(self, name: str, x: Array) -> float:
+        """Return coefficient `name` of the vehicle with the corrections `x` made."""
+        return self.vehicle[name] + (float(x[self.names.index(name)]) if name in self.names else 0.0)
+
+    @cached_property
+    def _weights(self) -> list[tuple[str, Array]]:
+        items = [self.correction(name) for name in self.names]
+        return [(item.changes, np.asarray(item.weight(self.points), dtype=np.float64)) for item in items]
+
+    @cached_property
+    def _before(self) -> Array:
+        basics = np.empty((self.points.size, len(BASICS)))
+        for column, name in enumerate(BASICS):
+            basics[:, column] = 1.0 if name == "thrust" else self.vehicle[name] if name not in NOT_COEFFICIENTS else 0.0
+        basics[:, FORCE], basics[:, PITCH] = self.points.net_buoyancy, self.points.pitch
+        return basics
+
+    def fly(self, x: NDArray[np.float64]) -> Flight:
+        """Return steady flight with the measured pitch held and the corrections `x`, shape (k,), made."""
+        points, n, k = self.points, self.points.size, len(self.names)
+        basics, water, water_by = self._before.copy(), np.zeros(n), np.zeros((n, k))
+        for j, (changes, weight) in enumerate(self._weights):
+            if changes == WATER:
+                water += x[j] * weight
+                water_by[:, j] = weight
+            elif changes != MOMENT:
+                basics[:, BASICS.index(changes)] += x[j] * weight
+        ratio = points.density / self.vehicle["reference_density"]
+        exponent = float(self.vehicle["drag_exponent"])
+        turning = np.where(points.powered, points.propeller_speed, 0.0)
+        speed, attack, by_speed, by_attack = fly(
+            basics, exponent, propeller_of(self.vehicle), ratio, points.density, turning
         )
-        return trim.speed, -trim.speed * np.sin(trim.path_angle)
+        speed_by, attack_by, pitch_by = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k))
+        for j, (changes, weight) in enumerate(self._weights):
+            if changes in BASICS:
+                column = BASICS.index(changes)
+                speed_by[:, j], attack_by[:, j] = by_speed[:, column] * weight, by_attack[:, column] * weight
+                if column == PITCH:
+                    pitch_by[:, j] = weight
+        pitch = basics[:, PITCH]
+        path = np.where(np.isfinite(speed), pitch - attack, np.nan)
+        return Flight(
+            self, np.asarray(x, dtype=np.float64), speed, attack, path, pitch, water,
+            speed_by, attack_by, pitch_by - attack_by, water_by,
+        )  # fmt: skip
 
-    def slopes(self, blocks: pd.DataFrame, x: Array) -> tuple[Array, Array]:
-        """Return the derivatives of speed and depth rate in x, each of shape (n, len(names)), analytic."""
-        vehicle, buoyancy, bias = self.changed(x)
-        force, pitch = floats(blocks, "net_buoyancy") + buoyancy, floats(blocks, "pitch") + bias
-        inputs: dict[str, Any] = {
-            "propeller_speed": np.nan_to_num(floats(blocks, "propeller_speed")),
-            "density": density_of(blocks, vehicle),
-        }
-        trim = trim_at_pitch(vehicle, force, pitch, **inputs)
-        speed, path = trim.speed, trim.path_angle
-        slope = sensitivities("pitch", vehicle, force, speed, path, trim.angle_of_attack, **inputs)
-        given = dict(zip(self.names, x, strict=True))
-        by_speed, by_rate = np.zeros((len(blocks), x.size)), np.zeros((len(blocks), x.size))
-        for column, name in enumerate(self.names):
-            d_speed, d_path = slope[name].speed, slope[name].path_angle
-            # The theory's scale is relative to the corrected propeller, ours to the one in the vehicle file.
-            factor = 1.0 / (1.0 + given[name]) if name == "thrust_scale" else 1.0
-            by_speed[:, column] = factor * d_speed
-            by_rate[:, column] = -factor * (d_speed * np.sin(path) + speed * np.cos(path) * d_path)
-        return by_speed, by_rate
+
+#: Of `BASICS`, those that come with the points and not with the vehicle.
+NOT_COEFFICIENTS = ("thrust", "net_buoyancy", "pitch")

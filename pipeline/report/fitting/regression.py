@@ -1,159 +1,259 @@
-"""The regression behind the fit: block means with their covariance, and the solution for the corrections.
+"""The regression behind the fit: whitened residuals, priors as further residuals, and the least-squares solution.
 
-Residuals are whitened by the covariance of the block means; the Jacobian is analytic. Unknowns that are borrowed
-rather than fitted are held by their prior 1-sigma.
+The Jacobian is analytic. Unknowns that are borrowed rather than fitted are held by their prior 1-sigma, with the
+correlations of the vehicle file. Outliers are weighted down by Huber's function on the whitened residuals.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.records import seconds
-from pipeline.report.compare import floats
-from pipeline.report.covariance import Whitener, water, water_of, with_measurement
-from pipeline.report.fitting.model import Array, Model
+from pipeline.report.fitting.model import Flight, Model
+from pipeline.report.fitting.parameters import borrowed
+from pipeline.report.fitting.points import Array, Points
+from pipeline.report.fitting.terms import Constraint
 
-#: Least 1-sigma of a mean depth rate, m/s: the resolution of a pressure sensor over a block.
-FLOOR = 1e-4
+#: In place of the residual of a block that the theory cannot fly.
+LOST = 1e3
+#: Huber's constant: 95 % as efficient as least squares where there is no outlier (Huber 1964).
+HUBER = 1.345
+#: One mission in a hundred has a residual beyond what is called an outlier, if errors are normal.
+FALSE_ALARM = 0.01
+#: Re-weightings at most, and the change of a weight that is none.
+ROUNDS, SETTLED = 30, 1e-3
 
 
 @dataclass(frozen=True)
-class Data:
-    """What is fitted: depth rates of blocks, speeds by a sensor, and a speed by GPS.
+class Problem:
+    """What is fitted: the theory, what it is compared with, and what was known before.
 
     Attributes
     ----------
-    blocks
-        Blocks that enter, in time order, n rows.
-    whiten
-        Applies the inverse square root of the depth rates' covariance.
-    std
-        1-sigma of each depth rate, measurement and moving water, m/s, shape (n,).
-    sensor
-        Rows of `blocks` whose sensor speed is fitted too, shape (m,).
-    level
-        Rows whose mean speed is compared with `gps`, shape (l,); empty without GPS legs.
-    gps
-        Speed of level powered flight and its 1-sigma, m/s.
+    model
+        The theory; the first `free` of its names are fitted, the others borrowed.
+    terms
+        Measurements and further constraints.
+    priors
+        1-sigma before of each correction; NaN or absent where nothing is known.
+    free
+        Number of corrections that are fitted.
     """
 
-    blocks: pd.DataFrame
-    whiten: Whitener
-    std: Array
-    sensor: NDArray[np.int64]
-    level: NDArray[np.int64]
-    gps: tuple[float, float]
+    model: Model
+    terms: tuple[Constraint, ...]
+    priors: Mapping[str, float]
+    free: int
+
+    @property
+    def points(self) -> Points:
+        """The blocks."""
+        return self.model.points
+
+    @cached_property
+    def dives(self) -> NDArray[np.int64]:
+        """Dive of each residual, shape (m,)."""
+        return np.concatenate([term.dives for term in self.terms])
 
     @property
     def size(self) -> int:
-        """Number of fitted values."""
-        return len(self.blocks) + self.sensor.size + (1 if self.level.size else 0)
+        """Number of fitted values m."""
+        return self.dives.size
+
+    @property
+    def tells_speed(self) -> bool:
+        """Whether anything but depth rate tells of speed."""
+        return any(term.tells_speed and term.dives.size for term in self.terms)
+
+    def of(self, points: Points) -> Problem:
+        """Return the same problem for some of its blocks."""
+        return replace(self, model=self.model.at(points), terms=tuple(term.of(points) for term in self.terms))
+
+    def freeing(self, names: Sequence[str]) -> Problem:
+        """Return the same problem with `names` fitted and all else borrowed."""
+        model = replace(self.model, names=(*names, *borrowed(self.priors, names)))
+        return replace(self, model=model, free=len(names))
+
+    def evaluate(self, x: Array) -> tuple[Array, Array]:
+        """Return the residuals, shape (m,), and their slopes, shape (m, k), with the corrections `x`."""
+        flight = self.model.fly(x)
+        return _together(self.terms, flight)
+
+    @cached_property
+    def scale(self) -> Array:
+        """An ordinary size of each correction: its prior 1-sigma where it has one, shape (k,)."""
+        known = [self.priors.get(name, math.nan) for name in self.model.names]
+        sizes = [self.model.correction(name).size for name in self.model.names]
+        return np.array([std if std > 0.0 else size for std, size in zip(known, sizes, strict=True)])
+
+    def prior_rows(self, on_free: bool) -> Array:
+        """Return rows W of the prior's residuals W (x / scale), shape (h, k); of what is free only if `on_free`."""
+        names = self.model.names
+        held = [i for i, name in enumerate(names) if (i >= self.free or on_free) and self.priors.get(name, 0.0) > 0.0]
+        matrix = np.eye(len(held))
+        for (first, second), value in self.model.vehicle.correlations.items():
+            places = [held.index(names.index(name)) for name in (first, second) if _among(name, names, held)]
+            if len(places) == 2:
+                matrix[places[0], places[1]] = matrix[places[1], places[0]] = value
+        rows = np.zeros((len(held), len(names)))
+        rows[:, held] = np.linalg.inv(np.linalg.cholesky(matrix + 1e-9 * np.eye(len(held))))
+        return rows
+
+
+def _among(name: str, names: Sequence[str], held: Sequence[int]) -> bool:
+    return name in names and names.index(name) in held
+
+
+def _together(terms: Sequence[Constraint], flight: Flight) -> tuple[Array, Array]:
+    left = np.concatenate([term.residual(flight) for term in terms])
+    slope = np.concatenate([term.jacobian(flight) for term in terms])
+    lost = ~np.isfinite(left)
+    if lost.any():
+        left, slope = np.where(lost, LOST, left), np.where(lost[:, None], 0.0, np.nan_to_num(slope))
+    return left, slope
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Values and covariance of all unknowns, and the χ² of the data alone."""
+    """Values and covariance of all unknowns, and how well they fit.
+
+    Attributes
+    ----------
+    x, covariance
+        Corrections of the model's names, shape (k,), and their covariance by the assumed errors, shape (k, k).
+    residual, jacobian
+        Whitened residuals, shape (m,), and their slopes, shape (m, k), not weighted.
+    weights
+        Weight of each residual, 1 but for outliers, shape (m,).
+    chi_square
+        Weighted sum of squares of the residuals.
+    penalty
+        The same of the priors.
+    converged
+        Whether the search ended at a least.
+    """
 
     x: Array
     covariance: Array
+    residual: Array
+    jacobian: Array
+    weights: Array
     chi_square: float
+    penalty: float
     converged: bool
 
-
-def assemble(
-    blocks: pd.DataFrame,
-    settings: Mapping[str, Any] | None,
-    use_sensor: bool,
-    gps: tuple[float, float] | None,
-) -> Data:
-    """Return the fitted values of `blocks` (in time order) with their covariance."""
-    sigma, tau = water_of(settings)
-    measurement = np.maximum(np.nan_to_num(floats(blocks, "depth_rate_std"), nan=0.01), FLOOR)
-    noise = with_measurement(water(seconds(blocks["start"]), seconds(blocks["end"]), sigma, tau), measurement)
-    held = np.isfinite(floats(blocks, "sensor_speed")) & (floats(blocks, "sensor_speed_std") > 0)
-    level = (blocks["direction"].to_numpy() == 0) & blocks["powered"].to_numpy(dtype=bool)
-    known = gps is not None and all(math.isfinite(number) for number in gps) and gps[1] > 0
-    none = np.zeros(0, dtype=np.int64)
-    return Data(
-        blocks,
-        noise.whitener(),
-        np.sqrt(noise.band[0]),
-        np.flatnonzero(held) if use_sensor else none,
-        np.flatnonzero(level) if known else none,
-        gps if gps is not None and known else (math.nan, math.nan),
-    )
+    def bic(self, free: int) -> float:
+        """Return Schwarz's criterion: χ² with the priors of what is borrowed, plus ln m for each of the `free`."""
+        return self.chi_square + self.penalty + free * math.log(max(self.residual.size, 1))
 
 
-def residuals(data: Data, model: Model, x: Array) -> Array:
-    """Return measured less predicted, whitened, shape (data.size,)."""
-    speed, rate = model.predict(data.blocks, x)
-    parts = [data.whiten(floats(data.blocks, "depth_rate") - rate)]
-    if data.sensor.size:
-        measured, std = (floats(data.blocks, name)[data.sensor] for name in ("sensor_speed", "sensor_speed_std"))
-        parts.append((measured - speed[data.sensor]) / std)
-    if data.level.size:
-        parts.append(np.array([(data.gps[0] - speed[data.level].mean()) / data.gps[1]]))
-    return np.nan_to_num(np.concatenate(parts), nan=1e3)
-
-
-def jacobian(data: Data, model: Model, x: Array) -> Array:
-    """Return the derivatives of `residuals` in x, shape (data.size, len(x))."""
-    by_speed, by_rate = model.slopes(data.blocks, x)
-    parts = [-data.whiten(by_rate)]
-    if data.sensor.size:
-        std = floats(data.blocks, "sensor_speed_std")[data.sensor]
-        parts.append(-by_speed[data.sensor] / std[:, np.newaxis])
-    if data.level.size:
-        parts.append(-by_speed[data.level].mean(axis=0, keepdims=True) / data.gps[1])
-    return np.nan_to_num(np.concatenate(parts))
-
-
-def condition_index(data: Data, model: Model, x: Array, free: int) -> float:
-    """Return the condition index of the free columns of the Jacobian, each scaled to length one."""
-    columns = jacobian(data, model, x)[:, :free]
-    length = np.linalg.norm(columns, axis=0)
-    if not np.all(length > 0):
-        return math.inf
-    values = np.linalg.svd(columns / length, compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > 0 else math.inf
-
-
-def solve(data: Data, model: Model, priors: Mapping[str, float], *, prior_on_free: bool, free: int) -> Solution | None:
+def solve(
+    problem: Problem,
+    *,
+    prior_on_free: bool = False,
+    weights: Array | None = None,
+    start: Array | None = None,
+    held: Sequence[int] = (),
+) -> Solution | None:
     """Return the least-squares solution, or None where the normal matrix is singular.
 
-    Borrowed corrections are always held by their prior, the `free` first ones only with `prior_on_free`.
+    Parameters
+    ----------
+    problem
+        What is fitted.
+    prior_on_free
+        Whether the prior of what is free counts, too; that of what is borrowed always does.
+    weights
+        Weight of each residual, shape (m,); 1 if left out.
+    start
+        Corrections to begin with, shape (k,); none if left out.
+    held
+        Corrections, by their place, that stay as they are in `start`.
     """
     from scipy.optimize import least_squares
 
-    scale = np.array([priors[name] if priors[name] > 0 else 1.0 for name in model.names])
-    held = np.array(
-        [(i >= free or prior_on_free) and priors[name] > 0 for i, name in enumerate(model.names)], dtype=bool
-    )
-    pull = np.eye(len(model.names))[held]
+    scale, rows = problem.scale, problem.prior_rows(prior_on_free)
+    root = np.ones(problem.size) if weights is None else np.sqrt(weights)
+    first = np.zeros(scale.size) if start is None else start / scale
+    active = np.setdiff1d(np.arange(scale.size), held)
+    last: list[tuple[Array, Array, Array]] = []
 
-    def function(y: Array) -> Array:
-        return np.concatenate([residuals(data, model, y * scale), y[held]])
+    def at(part: Array) -> tuple[Array, Array]:
+        if not last or not np.array_equal(last[0][0], part):
+            y = first.copy()
+            y[active] = part
+            left, slope = problem.evaluate(y * scale)
+            both = np.concatenate([root * left, rows @ y])
+            last[:] = [(part.copy(), both, np.concatenate([root[:, None] * slope * scale, rows])[:, active])]
+        return last[0][1], last[0][2]
 
-    def slope(y: Array) -> Array:
-        return np.concatenate([jacobian(data, model, y * scale) * scale, pull])
-
-    result = least_squares(function, np.zeros(scale.size), jac=slope, method="trf", x_scale="jac", max_nfev=60)
-    normal = result.jac.T @ result.jac
+    if root.size + len(rows) < active.size:
+        return None
+    done = True
+    if active.size:
+        result = least_squares(
+            lambda part: at(part)[0], first[active], jac=lambda part: at(part)[1], method="lm", max_nfev=100, xtol=1e-9
+        )
+        done, first[active] = bool(result.success), result.x
+    x = first * scale
+    residual, jacobian = problem.evaluate(x)
+    whole = np.concatenate([root[:, None] * jacobian * scale, rows])[:, active]
     try:
-        covariance = np.linalg.inv(normal)
+        inverse = np.linalg.inv(whole.T @ whole)
     except np.linalg.LinAlgError:
         return None
-    chi_square = float(np.sum(residuals(data, model, result.x * scale) ** 2))
+    covariance = np.zeros((scale.size, scale.size))
+    covariance[np.ix_(active, active)] = inverse * np.outer(scale[active], scale[active])
+    sound = np.isfinite(inverse).all() and bool((np.diag(inverse) > 0.0).all())
     return Solution(
-        result.x * scale,
-        covariance * np.outer(scale, scale),
-        chi_square,
-        bool(result.success and np.all(np.isfinite(covariance)) and np.all(np.diag(covariance) > 0)),
+        x,
+        covariance,
+        residual,
+        jacobian,
+        root**2,
+        float(np.sum((root * residual) ** 2)),
+        float(np.sum((rows @ first) ** 2)),
+        bool(done and sound and not (residual == LOST).any()),
     )
+
+
+def outlying(residual: Array) -> NDArray[np.int64]:
+    """Return which whitened residuals, shape (m,), are outliers.
+
+    They lie beyond what one in 1/`FALSE_ALARM` of such sets of normal errors would have, in units of their robust
+    scatter.
+    """
+    from scipy.special import ndtri
+
+    if not residual.size:
+        return np.zeros(0, dtype=np.int64)
+    limit = -float(ndtri(0.5 * FALSE_ALARM / residual.size))
+    return np.flatnonzero(np.abs(residual) > limit * _scatter(residual))
+
+
+def robust(problem: Problem, plain: Solution, *, prior_on_free: bool = False) -> Solution:
+    """Return the solution with residuals weighted by Huber's function if any is an outlier, or else `plain` itself."""
+    solution = plain
+    if not outlying(plain.residual).size:
+        return plain
+    for _ in range(ROUNDS):
+        size = np.abs(solution.residual) / _scatter(solution.residual)
+        weights = np.minimum(1.0, HUBER / np.maximum(size, 1e-12))
+        change = float(np.max(np.abs(weights - solution.weights)))
+        found = solve(problem, prior_on_free=prior_on_free, weights=weights, start=solution.x)
+        if found is None:
+            return plain
+        solution = found
+        if change < SETTLED:
+            break
+    return solution
+
+
+def _scatter(residual: Array) -> float:
+    """Return the robust scatter of whitened residuals, at least 1: from their median size."""
+    return max(1.0, 1.4826 * float(np.median(np.abs(residual))))

@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import SETTINGS, blocks, level_blocks
+from synthetic import SETTINGS, blocks
 
-from pipeline.report.fitting.fit import FREE, fit
-from pipeline.report.fitting.model import Model
-from pipeline.report.fitting.regression import assemble, jacobian, residuals
+from pipeline.report.fitting.fit import fit
 from pipeline.report.fitting.text import text
 from pipeline.vehicle import Vehicle
 
@@ -19,30 +17,6 @@ def solve(vehicle: Vehicle, table, **options):
 
 def values(result) -> dict[str, tuple[float, float]]:
     return {item["name"]: (item["value"], item["std"]) for item in result["parameters"]}
-
-
-@pytest.mark.parametrize("sensor", [False, True])
-def test_jacobian_is_analytic_and_agrees_with_finite_differences(petrel, sensor):
-    table = blocks(dives=2, powered_climbs=True, sensor=True)
-    names = ("parasite_drag", "net_buoyancy", "lift_slope", "induced_drag", "thrust_scale", "pitch")
-    model, data = Model(petrel, names), assemble(table, SETTINGS, sensor, None)
-    x = np.array([0.7, 0.2, 20.0, -15.0, 0.03, 0.004])
-    exact = jacobian(data, model, x)
-    for column, step in enumerate((1e-3, 1e-4, 1e-2, 1e-2, 1e-5, 1e-6)):
-        change = np.zeros(x.size)
-        change[column] = step
-        slope = (residuals(data, model, x + change) - residuals(data, model, x - change)) / (2.0 * step)
-        np.testing.assert_allclose(exact[:, column], slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
-
-
-def test_jacobian_of_the_gps_speed_agrees_with_finite_differences(petrel):
-    model, data = Model(petrel, FREE), assemble(level_blocks(), SETTINGS, False, (0.62, 0.01))
-    exact = jacobian(data, model, np.zeros(2))
-    assert exact.shape == (len(data.blocks) + 1, 2)
-    for column, step in enumerate((1e-3, 1e-4)):
-        change = np.eye(2)[column] * step
-        slope = (residuals(data, model, change) - residuals(data, model, -change)) / (2.0 * step)
-        np.testing.assert_allclose(exact[:, column], slope, rtol=1e-4)
 
 
 def test_in_still_water_the_truth_is_found_exactly(exact):

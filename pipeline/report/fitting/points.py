@@ -1,0 +1,124 @@
+"""Blocks as plain arrays: what the theory is asked at, and what was measured there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.records import seconds
+from pipeline.report.compare import density_of, floats
+from pipeline.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+DAY = 86400.0
+
+
+class Configuration(NamedTuple):
+    """What the vehicle carried from one dive to another, both included."""
+
+    name: str
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Points:
+    """Means of n blocks in time order, each of shape (n,); NaN where not measured.
+
+    Attributes
+    ----------
+    block, dive, direction
+        Numbers of block and dive; -1 down, +1 up, 0 level.
+    start, end, days
+        Bounds, s since 1970; middle since the first block of the mission, days.
+    powered, propeller_speed
+        Whether the propeller turns; rev/s, 0 where it does not.
+    net_buoyancy, by_compression, by_expansion
+        G, N; its change per compressibility, N Pa, and per thermal expansion, N K (0 where unknown).
+    pitch, heading, roll, density, depth, battery_position, battery_position_std
+        rad, rad, rad, kg/m³, m, m, m.
+    depth_rate, depth_rate_std, sensor_speed, sensor_speed_std
+        Measured, m/s.
+    configuration
+        Index into `configurations`, 0 for a dive in none.
+    configurations
+        Names of the sensor configurations, that of reference first.
+    """
+
+    block: NDArray[np.int64]
+    dive: NDArray[np.int64]
+    direction: NDArray[np.int64]
+    start: Array
+    end: Array
+    days: Array
+    powered: NDArray[np.bool_]
+    propeller_speed: Array
+    net_buoyancy: Array
+    by_compression: Array
+    by_expansion: Array
+    pitch: Array
+    heading: Array
+    roll: Array
+    density: Array
+    depth: Array
+    battery_position: Array
+    battery_position_std: Array
+    depth_rate: Array
+    depth_rate_std: Array
+    sensor_speed: Array
+    sensor_speed_std: Array
+    configuration: NDArray[np.int64]
+    configurations: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, blocks: pd.DataFrame, vehicle: Vehicle, configurations: Sequence[Configuration] = ()) -> Points:
+        """Return the rows of `blocks`, table `records.BLOCKS`, in time order."""
+        table = blocks.sort_values("start", kind="stable")
+        start, end = seconds(table["start"]), seconds(table["end"])
+        dive = table["dive"].to_numpy(dtype=np.int64)
+        configuration = np.zeros(len(table), dtype=np.int64)
+        for number, item in enumerate(configurations):
+            configuration[(dive >= item.first) & (dive <= item.last)] = number
+        middle = 0.5 * (start + end)
+        return cls(
+            block=table["block"].to_numpy(dtype=np.int64),
+            dive=dive,
+            direction=table["direction"].to_numpy(dtype=np.int64),
+            start=start,
+            end=end,
+            days=(middle - middle[0]) / DAY if len(table) else middle,
+            powered=table["powered"].to_numpy(dtype=bool),
+            propeller_speed=np.nan_to_num(floats(table, "propeller_speed")),
+            net_buoyancy=floats(table, "net_buoyancy"),
+            by_compression=np.nan_to_num(floats(table, "buoyancy_by_compression")),
+            by_expansion=np.nan_to_num(floats(table, "buoyancy_by_expansion")),
+            pitch=floats(table, "pitch"),
+            heading=floats(table, "heading"),
+            roll=floats(table, "roll"),
+            density=density_of(table, vehicle),
+            depth=floats(table, "depth"),
+            battery_position=floats(table, "battery_position"),
+            battery_position_std=floats(table, "battery_position_std"),
+            depth_rate=floats(table, "depth_rate"),
+            depth_rate_std=floats(table, "depth_rate_std"),
+            sensor_speed=floats(table, "sensor_speed"),
+            sensor_speed_std=floats(table, "sensor_speed_std"),
+            configuration=configuration,
+            configurations=tuple(item.name for item in configurations),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of blocks n."""
+        return self.dive.size
+
+    def only(self, chosen: NDArray[Any]) -> Points:
+        """Return the blocks `chosen` by a mask or by indices."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "configurations"}
+        return replace(self, **{name: array[chosen] for name, array in arrays.items()})
