@@ -160,17 +160,16 @@ def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 
 def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
-    from pipeline.records import of_method
     from pipeline.report import Inputs, build, coefficients, corrected, og1
+    from pipeline.table import Table
 
     ingested = store.read_json(job.path("ingest.json"))
-    estimates = store.read_table(job.path("estimates.parquet"))
     inputs = Inputs(
         mission=mission,
         vehicle=resolve_vehicle(mission, ingested["constants"]),
-        records=store.read_table(job.path("records.parquet")),
-        estimates=of_method(estimates, "kinematic"),
-        force=of_method(estimates, "force"),
+        records=Table(job.path("records.parquet")),
+        estimates=Table(job.path("estimates.parquet"), "kinematic"),
+        force=Table(job.path("estimates.parquet"), "force"),
         blocks=store.read_table(job.path("blocks.parquet")),
         predictions=store.read_table(job.path("predictions.parquet")),
         stored=store.read_table(job.path("stored.parquet")) if job.path("stored.parquet").is_file() else None,

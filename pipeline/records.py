@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+
+if TYPE_CHECKING:
+    from pipeline.table import Columns
 
 
 @dataclass(frozen=True)
@@ -237,7 +240,7 @@ def timestamps(posix: np.ndarray) -> pd.DatetimeIndex:
     return pd.DatetimeIndex((microseconds(posix) * 1000).view("M8[ns]"), tz="UTC")
 
 
-def usable(frame: pd.DataFrame, name: str) -> np.ndarray:
+def usable(frame: Columns, name: str) -> np.ndarray:
     """Return where column `name` was measured and is not flagged bad or probably bad, boolean of shape (n,)."""
     flag = frame[f"{name}_qc"].to_numpy()
     good = (flag != Quality.BAD) & (flag != Quality.PROBABLY_BAD)

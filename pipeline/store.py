@@ -68,8 +68,22 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write `content` to `path` as JSON, atomically; NaN and infinities become null."""
-    write_text(path, json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write `content` to `path` as JSON, atomically; NaN and infinities become null.
+
+    Every key and every item has its line, but a list of numbers or texts has one for all.
+    """
+    write_text(path, _laid_out(plain(content), "\n") + "\n")
+
+
+def _laid_out(value: Any, line: str) -> str:
+    """Return a value of JSON's own types as text; `line` is the end of a line and what the next one begins with."""
+    inner = line + " "
+    if isinstance(value, dict) and value:
+        items = [f"{json.dumps(key, ensure_ascii=False)}: {_laid_out(item, inner)}" for key, item in value.items()]
+        return f"{{{inner}{f',{inner}'.join(items)}{line}}}"
+    if isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        return f"[{inner}{f',{inner}'.join(_laid_out(item, inner) for item in value)}{line}]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def plain(value: Any) -> Any:
@@ -77,7 +91,10 @@ def plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        kinds = set(map(type, value))
+        if kinds == {float}:
+            return [item if math.isfinite(item) else None for item in value]
+        return list(value) if kinds <= {str, int, bool} else [plain(item) for item in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):

@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -212,3 +213,35 @@ def test_a_table_being_written_is_not_there_yet(tmp_path: Path) -> None:
         writer.write(_numbered(5))
         assert list(tmp_path.iterdir()) == []
     assert len(store.read_table(path)) == 5
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(json_values)
+def test_json_comes_back_as_it_was_written(content: object) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        store.write_json(Path(folder) / "x.json", content)
+        assert store.read_json(Path(folder) / "x.json") == content
+
+
+def test_a_list_of_numbers_has_one_line_and_every_key_its_own(tmp_path: Path) -> None:
+    content = {"speed": np.array([0.5, np.nan]), "dives": [{"dive": 1}, {"dive": 2}], "none": []}
+    store.write_json(tmp_path / "x.json", content)
+    expected = """{
+ "speed": [0.5, null],
+ "dives": [
+  {
+   "dive": 1
+  },
+  {
+   "dive": 2
+  }
+ ],
+ "none": []
+}
+"""
+    assert (tmp_path / "x.json").read_text() == expected

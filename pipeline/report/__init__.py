@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.mission import Mission
+    from pipeline.table import Columns
     from pipeline.vehicle import Vehicle
 
 __all__ = ["Inputs", "build", "index"]
@@ -24,7 +25,8 @@ class Inputs:
     mission, vehicle
         As resolved: the vehicle with the mission's overrides.
     records, estimates, blocks, predictions
-        The canonical tables of `pipeline.records`; estimates by the kinematic method.
+        The canonical tables of `pipeline.records`; estimates by the kinematic method. Records and estimates may be
+        in a file, see `pipeline.table`.
     force
         Estimates by the force method, empty where there are none.
     stored
@@ -37,9 +39,9 @@ class Inputs:
 
     mission: Mission
     vehicle: Vehicle
-    records: pd.DataFrame
-    estimates: pd.DataFrame
-    force: pd.DataFrame
+    records: Columns
+    estimates: Columns
+    force: Columns
     blocks: pd.DataFrame
     predictions: pd.DataFrame
     stored: pd.DataFrame | None

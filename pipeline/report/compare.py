@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,9 @@ from pipeline.model.steady import trim_sensitivities
 from pipeline.records import TRIMS, seconds
 from pipeline.report.covariance import water, water_of
 from pipeline.vehicle import Polar, Vehicle
+
+if TYPE_CHECKING:
+    from pipeline.table import Columns
 
 Array = NDArray[np.float64]
 Label = Callable[..., tuple[str, str]]
@@ -388,6 +391,6 @@ def density_of(blocks: pd.DataFrame, vehicle: Vehicle) -> Array:
     return np.where(np.isfinite(density), density, vehicle["reference_density"])
 
 
-def floats(frame: pd.DataFrame, name: str) -> Array:
+def floats(frame: Columns, name: str) -> Array:
     """Return a column as floats, shape (n,)."""
     return frame[name].to_numpy(dtype=np.float64)

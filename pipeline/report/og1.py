@@ -18,9 +18,8 @@ from pipeline.findings import Finding
 from pipeline.records import Phase, Quality, seconds, timestamps
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pipeline.mission import Mission
+    from pipeline.table import Columns
     from pipeline.vehicle import Vehicle
 
 FILE = "estimates.nc"
@@ -77,8 +76,8 @@ def write(
     file: IO[bytes],
     mission: Mission,
     vehicle: Vehicle,
-    records: pd.DataFrame,
-    estimates: Mapping[str, pd.DataFrame],
+    records: Columns,
+    estimates: Mapping[str, Columns],
 ) -> None:
     """Write the estimates of a mission as netCDF-4; the same input gives the same bytes.
 
@@ -116,9 +115,7 @@ def write(
             _status(out, table, method)
 
 
-def _attributes(
-    mission: Mission, vehicle: Vehicle, records: pd.DataFrame, kinematic: pd.DataFrame
-) -> dict[str, str | float]:
+def _attributes(mission: Mission, vehicle: Vehicle, records: Columns, kinematic: Columns) -> dict[str, str | float]:
     """Return the global attributes; none depends on when or where the file is written."""
     time = seconds(records["time"])
     start, end = (f"{timestamps(np.array([instant]))[0]:%Y%m%dT%H%M%S}" for instant in (time[0], time[-1]))
@@ -169,7 +166,7 @@ def _put(out: Any, name: str, data: np.ndarray, fill: float | None, attributes: 
     variable.attrs.update(attributes)
 
 
-def _coordinates(out: Any, mission: Mission, vehicle: Vehicle, records: pd.DataFrame) -> None:
+def _coordinates(out: Any, mission: Mission, vehicle: Vehicle, records: Columns) -> None:
     """Write time, fixes if there are any, phase, and whose trajectory it is."""
     import h5py
 
@@ -216,7 +213,7 @@ def name_of(variable: Variable, method: str) -> str:
     return variable.name if coordinate else f"{variable.name}_{method.upper()}"
 
 
-def _estimate(out: Any, table: pd.DataFrame, method: str, variable: Variable) -> None:
+def _estimate(out: Any, table: Columns, method: str, variable: Variable) -> None:
     """Write one estimate with its 1-sigma, and a quality flag where the data may not determine it."""
     name = name_of(variable, method)
     beside = [f"{name}_STD", *([f"{name}_QC", f"STATUS_{method.upper()}"] if variable.flagged else [])]
@@ -248,14 +245,14 @@ def _estimate(out: Any, table: pd.DataFrame, method: str, variable: Variable) ->
         _put(out, f"{name}_QC", flag.astype(np.int8), None, quality)
 
 
-def _column(table: pd.DataFrame, name: str, factor: float) -> np.ndarray:
+def _column(table: Columns, name: str, factor: float) -> np.ndarray:
     return np.asarray(table[name].to_numpy(dtype=np.float64) * factor, dtype=np.float32)
 
 
-def _status(out: Any, table: pd.DataFrame, method: str) -> None:
+def _status(out: Any, table: Columns, method: str) -> None:
     """Write why the data do not determine the speed, 0 where they do."""
-    reason = table["reason"].astype("category")
-    texts = [str(text) for text in reason.cat.categories if text]
+    reason = table["reason"].astype("category").cat.remove_unused_categories()
+    texts = sorted(str(text) for text in reason.cat.categories if text)
     number = np.array([texts.index(str(text)) + 1 if text else 0 for text in reason.cat.categories], dtype=np.int8)
     meanings = ["determined", *(_word(text) for text in texts)]
     attributes = {

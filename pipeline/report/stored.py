@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,9 @@ from pipeline.records import seconds, usable
 from pipeline.report.compare import DIRECTIONS, floats
 from pipeline.report.covariance import Noise, water, water_of, with_measurement
 from pipeline.report.fitting.terms import FLOOR
+
+if TYPE_CHECKING:
+    from pipeline.table import Columns
 
 Array = NDArray[np.float64]
 
@@ -35,7 +38,7 @@ SIMULTANEOUS = 60.0
 def check(
     stored: pd.DataFrame | None,
     blocks: pd.DataFrame,
-    records: pd.DataFrame,
+    records: Columns,
     *,
     constants: Mapping[str, float] | None = None,
     settings: Mapping[str, Any] | None = None,
@@ -145,7 +148,7 @@ def _sensor_blocks(used: pd.DataFrame, stored: Array) -> dict[str, Any] | None:
     }
 
 
-def _sensor_instants(time: Array, stored: Array, records: pd.DataFrame) -> dict[str, Any] | None:
+def _sensor_instants(time: Array, stored: Array, records: Columns) -> dict[str, Any] | None:
     """Return stored less sensor speed at the sensor's own instants, None without a sensor."""
     good = usable(records, "speed_through_water")
     finite = np.isfinite(stored)

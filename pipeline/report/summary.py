@@ -20,6 +20,7 @@ from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
+    from pipeline.table import Columns
 
 TRIM_WORDS = {
     "pitch": "measured pitch held",
@@ -116,7 +117,7 @@ def _vehicle(vehicle: Vehicle) -> dict[str, Any]:
     }
 
 
-def _data(records: pd.DataFrame) -> dict[str, Any]:
+def _data(records: Columns) -> dict[str, Any]:
     if records.empty:
         return {"rows": 0, "start": "", "end": "", "duration_h": 0.0, "dives": 0, "depth_max_m": math.nan}
     time = seconds(records["time"])
@@ -132,15 +133,15 @@ def _data(records: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _observability(estimates: pd.DataFrame) -> dict[str, Any]:
+def _observability(estimates: Columns) -> dict[str, Any]:
     """Return the share of the samples in which the data determine the speed, and why not in the others."""
     if estimates.empty:
         return {"samples": 0, "observable_percent": 0.0, "reasons": []}
     seen = estimates["observable"].to_numpy(dtype=bool)
-    counts = estimates.loc[~seen, "reason"].astype(str).value_counts(sort=False).sort_index()
+    counts = estimates["reason"].astype("category")[~seen].value_counts(sort=False).sort_index()
     reasons = [
         {"reason": reason or "no reason given", "samples": int(count), "percent": 100.0 * count / len(estimates)}
-        for reason, count in counts.items()
+        for reason, count in counts[counts > 0].items()
     ]
     return {
         "samples": len(estimates),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,9 @@ from pipeline.report.figures.drawing import (
     with_gaps,
 )
 
+if TYPE_CHECKING:
+    from pipeline.table import Columns
+
 
 class Look(NamedTuple):
     """How an estimate is drawn: colour, opacity of its band, height of its line over others, what it is called."""
@@ -62,7 +65,7 @@ SHOWN_DIVES = 3
 SHOWN_WHOLE = 6 * 3600.0
 
 
-def window(records: pd.DataFrame) -> tuple[float, float, str]:
+def window(records: Columns) -> tuple[float, float, str]:
     """Return the stretch of time that the figure of flight shows, POSIX s, and what it is in words."""
     time = seconds(records["time"])
     dive = records["dive"].to_numpy()
@@ -76,9 +79,9 @@ def window(records: pd.DataFrame) -> tuple[float, float, str]:
 
 
 def flight(
-    records: pd.DataFrame,
-    estimates: pd.DataFrame,
-    force: pd.DataFrame,
+    records: Columns,
+    estimates: Columns,
+    force: Columns,
     blocks: pd.DataFrame,
     predictions: pd.DataFrame,
     stored: pd.DataFrame | None,
@@ -234,6 +237,6 @@ def _speed_panel(
     axes.set_ylim(0.0, 1.25 * max(tops) if tops else 1.0)
 
 
-def _between(frame: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
+def _between(frame: Columns, begin: float, end: float) -> pd.DataFrame:
     time = seconds(frame["time"])
     return frame[(time >= begin) & (time <= end)]

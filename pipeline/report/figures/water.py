@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from matplotlib import MatplotlibDeprecationWarning
 from matplotlib.colors import Colormap
 
@@ -26,8 +26,11 @@ from pipeline.report.figures.drawing import (
     with_gaps,
 )
 
+if TYPE_CHECKING:
+    from pipeline.table import Columns
 
-def water(records: pd.DataFrame, estimates: pd.DataFrame) -> Picture | None:
+
+def water(records: Columns, estimates: Columns) -> Picture | None:
     """Return depth and temperature against time, as Figs. 11 and 12 of the paper; None without a depth.
 
     Where the thermometer runs on another clock than the pressure sensor, its points are drawn at the smoothed depth
