@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import types
 import typing
 from pathlib import Path
@@ -81,6 +82,20 @@ class Nominal(_Strict):
     source: str = Field("", description="where the numbers are published")
 
 
+class Configuration(_Strict):
+    """What the vehicle carried outside on some dives: the drag of each configuration beside the first is fitted."""
+
+    name: str = Field(min_length=1, description="as it stands on the page")
+    dives: tuple[int, int] = Field(description="first and last dive flown like this")
+
+    @field_validator("dives")
+    @classmethod
+    def _in_order(cls, dives: tuple[int, int]) -> tuple[int, int]:
+        if dives[0] > dives[1]:
+            raise ValueError("the first dive and the last, in this order")
+        return dives
+
+
 class Mission(_Strict):
     """One mission. `vehicle` is the only key that must be given."""
 
@@ -115,6 +130,10 @@ class Mission(_Strict):
     minimum_block_s: float = Field(60.0, gt=0, description="s, shortest steady flight that makes a block")
     block_s: float = Field(300.0, gt=0, description="s, length at which steady flight is cut into blocks")
     nominal: list[Nominal] = Field(default_factory=list, description="published settings and results to compare with")
+    configurations: list[Configuration] = Field(
+        default_factory=list,
+        description="sensors carried outside by dives; the first is the one that others are compared with",
+    )
     folder: Path = Field(Path(), exclude=True)
 
     @field_validator("dives")
@@ -123,6 +142,16 @@ class Mission(_Strict):
         if dives is not None and dives[0] > dives[1]:
             raise ValueError("the first dive and the last, in this order")
         return dives
+
+    @field_validator("configurations")
+    @classmethod
+    def _apart(cls, configurations: list[Configuration]) -> list[Configuration]:
+        if len({item.name for item in configurations}) < len(configurations):
+            raise ValueError("configurations of different names")
+        in_order = sorted(item.dives for item in configurations)
+        if any(later[0] <= earlier[1] for earlier, later in itertools.pairwise(in_order)):
+            raise ValueError("each dive in one configuration at most")
+        return configurations
 
     @property
     def slug(self) -> str:

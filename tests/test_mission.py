@@ -131,6 +131,20 @@ def test_a_misspelt_key_is_told_the_nearest(refusal: Refusal, text: str, line: s
         ("vehicle: p\nfiles: [a]", "files: found ['a']; expected keys and their values"),
         ("vehicle: p\nnominal: {a: 1}", "nominal: found {'a': 1}; expected a list"),
         ("vehicle: p\ndives: [5, 2]", "dives: found [5, 2]; expected the first dive and the last, in this order"),
+        (
+            "vehicle: p\nconfigurations: [{name: a, dives: [5, 2]}]",
+            "configurations.0.dives: found [5, 2]; expected the first dive and the last, in this order",
+        ),
+        (
+            "vehicle: p\nconfigurations: [{name: a, dives: [1, 5]}, {name: b, dives: [5, 9]}]",
+            "configurations: found [{'name': 'a', 'dives': [1, 5]}, {'name': 'b', 'dives': [5, 9]}]; "
+            "expected each dive in one configuration at most",
+        ),
+        (
+            "vehicle: p\nconfigurations: [{name: a, dives: [1, 5]}, {name: a, dives: [6, 9]}]",
+            "configurations: found [{'name': 'a', 'dives': [1, 5]}, {'name': 'a', 'dives': [6, 9]}]; "
+            "expected configurations of different names",
+        ),
         ("vehicle: p\ndives: [1]", "dives.1: found nothing; expected a value"),
         ("vehicle: p\ndives: [1, x]", "dives.1: found 'x'; expected a whole number"),
         ("vehicle:", "vehicle: found None; expected text"),

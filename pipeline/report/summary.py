@@ -16,6 +16,7 @@ from pipeline.report.answer import answer
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.points import Configuration
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         pitch_std=math.radians(mission.pitch.std_deg),
         use_sensor=sensor_used,
         gps=gps,
+        configurations=[Configuration(item.name, *item.dives) for item in mission.configurations],
     )
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(

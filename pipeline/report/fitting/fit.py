@@ -107,7 +107,8 @@ def fit(
     if choice is None or both is None or not both.converged:
         reason = "the fit does not converge: look at pitch and buoyancy of the blocks"
         return refused(problem.model, first, priors, sizes, reason, condition)
-    return _finished(choice, both, vehicle, resamples) | sizes
+    result = _finished(choice, both, vehicle, resamples) | sizes
+    return result | {"text": text(result)}
 
 
 def solvable(
@@ -190,5 +191,4 @@ def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int) 
         "residuals": residuals(problem, alone),
         "left_out_dives": left_out_dives(problem),
     }
-    result["text"] = text(result)
     return result
