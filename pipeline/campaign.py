@@ -161,6 +161,7 @@ def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.report import Inputs, build, coefficients, corrected, og1
+    from pipeline.report.figures import files
     from pipeline.table import Table
 
     ingested = store.read_json(job.path("ingest.json"))
@@ -177,9 +178,10 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
         estimate=store.read_json(job.path("estimate.json")),
         provenance={"stages": {**_before_report(job), "report": dict(described)}},
     )
-    summary, page = build(inputs)
+    summary, page, pictures = build(inputs)
     store.write_json(job.path("summary.json"), summary)
     store.write_text(job.path("report.html"), page)
+    files.write(job.path, pictures, mission.slug)
     vehicle = corrected.of_mission(inputs)
     store.write_text(job.path(corrected.FILE), corrected.text(vehicle, mission.slug))
     store.write_text(job.path(coefficients.FILE), coefficients.text(vehicle.vehicle, mission.slug))
@@ -213,6 +215,8 @@ def mark(reports: Path, name: str, error: str) -> None:
     """Put the reason why there is no report in the place of the report."""
     for output in REPORTED:
         (reports / output).unlink(missing_ok=True)
+    with suppress(OSError):
+        (reports / "figures").rmdir()
     store.write_json(reports / "summary.json", {"mission": name, "error": error})
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from pipeline import mission as missions
 from pipeline import vehicle as vehicles
 from pipeline.findings import Finding, InputError, nearest
+from pipeline.report.figures import files
 
 if TYPE_CHECKING:
     from pipeline.mission import Mission
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 Engine = Literal["numba", "filterpy"]
 
 #: What is filed under reports/; all else is under processed/.
-REPORTED = ("summary.json", "report.html", "vehicle.yaml", "coefficients.txt")
+REPORTED = ("summary.json", "report.html", "vehicle.yaml", "coefficients.txt", *files.NAMES)
 #: The stages in their order, and what each may write.
 OUTPUTS: dict[str, tuple[str, ...]] = {
     "ingest": ("records.parquet", "stored.parquet", "ingest.json"),

@@ -21,6 +21,7 @@ from pipeline import campaign, provenance, store
 from pipeline.campaign import UNREAD
 from pipeline.findings import InputError
 from pipeline.mission import Mission, load
+from pipeline.report.figures import files
 from pipeline.roster import OUTPUTS, REPORTED, STAGES, Job, Outcome, plan, resolve_vehicle
 from pipeline.workers import Workers, local
 
@@ -344,10 +345,18 @@ class TestRealStages:
 
     def test_every_result_is_there(self, undisturbed: Path) -> None:
         expected = {f"processed/{m}/{name}" for m in "ab" for s in STAGES[:3] for name in OUTPUTS[s]}
-        expected |= {f"reports/{m}/{name}" for m in "ab" for name in REPORTED}
+        expected |= {f"reports/{m}/{name}" for m in "ab" for name in set(REPORTED) - set(files.NAMES)}
         expected |= {f"processed/{m}/{name}" for m in "ab" for name in set(OUTPUTS["report"]) - set(REPORTED)}
         expected |= {f"processed/{place}provenance.json" for place in ("a/", "b/", "")} | {"reports/index.html"}
-        assert set(contents(undisturbed)) == {name for name in expected if not name.endswith("stored.parquet")}
+        found = {name for name in contents(undisturbed) if "/figures/" not in name}
+        assert found == {name for name in expected if not name.endswith("stored.parquet")}
+
+    def test_every_figure_is_there_as_drawing_picture_and_table(self, undisturbed: Path) -> None:
+        figures = {name for name in contents(undisturbed) if "/figures/" in name}
+        drawn = {name.removesuffix(".svg") for name in figures if name.endswith(".svg")}
+        assert {"reports/a/figures/water", "reports/b/figures/flight"} <= drawn
+        assert figures == {f"{name}.{kind}" for name in drawn for kind in files.KINDS}
+        assert figures <= {f"reports/{m}/{name}" for m in "ab" for name in files.NAMES}
 
     def test_results_do_not_depend_on_the_place_nor_on_what_else_was_run(
         self, undisturbed: Path, tmp_path: Path

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.mission import Mission
+    from pipeline.report.figures.drawing import Picture
     from pipeline.table import Columns
     from pipeline.vehicle import Vehicle
 
-__all__ = ["Inputs", "build", "index"]
+__all__ = ["Inputs", "Report", "build", "index"]
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,26 @@ class Inputs:
     provenance: Mapping[str, Any]
 
 
-def build(inputs: Inputs) -> tuple[dict[str, Any], str]:
-    """Return the content of summary.json and the text of report.html.
+class Report(NamedTuple):
+    """What is reported of a mission.
+
+    Attributes
+    ----------
+    summary
+        The content of summary.json.
+    page
+        The text of report.html.
+    pictures
+        The figures by name, None where there is nothing to draw.
+    """
+
+    summary: dict[str, Any]
+    page: str
+    pictures: dict[str, Picture | None]
+
+
+def build(inputs: Inputs) -> Report:
+    """Return what is reported of a mission.
 
     The same inputs give the same bytes: nothing in them depends on when or where the report is made.
     """
@@ -60,7 +79,8 @@ def build(inputs: Inputs) -> tuple[dict[str, Any], str]:
     from pipeline.report.summary import summarise
 
     summary, comparison = summarise(inputs)
-    return summary, page.report(summary, draw(inputs, summary, comparison))
+    pictures = draw(inputs, summary, comparison)
+    return Report(summary, page.report(summary, pictures), pictures)
 
 
 def index(summaries: Sequence[Mapping[str, Any]]) -> str:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from pipeline.report.adjustment import amount
 from pipeline.report.figures import NO_FIGURE
-from pipeline.report.figures.drawing import Picture
+from pipeline.report.figures.drawing import Picture, inline
 from pipeline.report.guide import guide
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -115,7 +115,7 @@ def amounts(value: Any, std: Any, *, sign: bool = False) -> str:
 def svg(picture: Picture) -> Markup:
     """Return a figure's drawing with its alternative text, to stand inside the page."""
     label = Markup.escape(picture.alt)
-    return Markup(picture.svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
+    return Markup(inline(picture.svg).replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
 
 
 def _block_count(columns: Mapping[str, Any]) -> int:

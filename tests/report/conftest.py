@@ -1,13 +1,12 @@
 """What the tests of the report share."""
 
 import math
-from typing import Any
 
 import pytest
 from pages import complete
 
 from pipeline.mission import Mission
-from pipeline.report import build
+from pipeline.report import Report, build
 from pipeline.vehicle import Coefficient, Vehicle, load
 
 
@@ -41,6 +40,6 @@ def mission() -> Mission:
 
 
 @pytest.fixture(scope="session")
-def built(petrel: Vehicle) -> tuple[dict[str, Any], str]:
+def built(petrel: Vehicle) -> Report:
     """Summary and page of a mission that has everything."""
     return build(complete(petrel))

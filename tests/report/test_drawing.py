@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.figures.drawing import canvas, clock, envelope, render, spans, style, thin, with_gaps
+from pipeline.report.figures.drawing import canvas, clock, envelope, inline, render, spans, style, thin, with_gaps
 
 
 @given(st.integers(3001, 20_000), st.integers(0, 100))
@@ -96,7 +96,7 @@ def test_identifiers_are_the_figures_own_and_resolve():
 
 
 def test_colours_follow_the_style_sheet_and_nothing_says_when_it_was_drawn():
-    svg = drawing()
+    svg = inline(drawing())
     assert "var(--measured, #0072b2)" in svg
     assert "var(--held, #d55e00)" in svg
     assert "var(--ink, #1f2933)" in svg

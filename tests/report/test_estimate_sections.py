@@ -50,7 +50,7 @@ def test_page_shows_what_was_adjusted_in_units_of_people_and_what_would_tell_the
     (None, "the estimates came without one"),
 ])  # fmt: skip
 def test_page_without_a_force_estimate_says_why(petrel, mission, given, reason):
-    summary, text = build(inputs(mission, petrel, blocks(dives=1), estimate={"force": given}))
+    summary, text, _ = build(inputs(mission, petrel, blocks(dives=1), estimate={"force": given}))
     assert f"No force estimate: {reason}." in section(text, "force")
     assert "theory, adjusted" not in text
     assert "Brown" not in text
@@ -87,7 +87,7 @@ def test_page_says_whether_the_instruments_agree_and_what_is_not_known(built, pe
         assert shown in words, shown
     assert "outliers of speed" not in words
     assert any("Do the instruments agree?" in line for line in built[0]["answer"]["more"])
-    summary, text = build(inputs(mission, petrel, blocks(dives=1), estimate={"compatibility": agreeing()}))
+    summary, text, _ = build(inputs(mission, petrel, blocks(dives=1), estimate={"compatibility": agreeing()}))
     assert "no difference is significant, and nothing was applied; 3 of 5 quantities" in section(text, "instruments")
     assert not any("instruments" in line for line in summary["answer"]["more"])
     assert "there are no records" in section(build(inputs(mission, petrel, blocks(dives=1)))[1], "instruments")

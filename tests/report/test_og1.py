@@ -143,7 +143,7 @@ def test_without_the_extra_a_finding_says_what_to_install(inputs: Inputs, monkey
     assert str(finding) == (
         "estimates.nc: found no h5netcdf to write it with; expected the extra 'netcdf'; pip install 'seatrial[netcdf]'"
     )
-    summary, page = build(inputs)
+    summary, page, _ = build(inputs)
     assert not summary["export"]["netcdf"]
     assert {"stage": "report", **finding.as_dict()} in summary["findings"]
     assert "estimates.nc was not written" in page

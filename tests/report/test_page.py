@@ -111,7 +111,7 @@ def test_page_says_whether_each_estimate_is_consistent_and_what_it_means_if_not(
 
 
 def test_page_without_a_consistency_report_says_so(petrel, mission):
-    summary, page = build(inputs(mission, petrel, blocks(dives=1)))
+    summary, page, _ = build(inputs(mission, petrel, blocks(dives=1)))
     assert summary["consistency"] == []
     assert "No consistency report: the estimates came without one." in Page(page).words
 
@@ -131,14 +131,14 @@ def test_danjiangkou_page_tells_the_papers_story(petrel):
                    published_speed=0.62, powered=True)  # fmt: skip
     mission = Mission(vehicle="petrel-ii", name="danjiangkou", nominal=[part])
     legs = {"gps": {"legs": [], "speed": 0.62, "speed_std": 0.01}}
-    summary, page = build(inputs(mission, petrel, level_blocks(), observable=False, estimate=legs))
+    summary, page, _ = build(inputs(mission, petrel, level_blocks(), observable=False, estimate=legs))
     words = Page(page).words
     sentence = summary["answer"]["sentence"]
     assert sentence in words
     for part_of_it in ("measured 0.620 ± 0.010 m/s", "predicts 0.615 m/s, in agreement", "0.789 m/s at 77°"):
         assert part_of_it in sentence
     assert "this is not exact depth keeping" in words
-    without, page = build(inputs(mission, petrel, level_blocks(), observable=False))
+    without, page, _ = build(inputs(mission, petrel, level_blocks(), observable=False))
     assert "depth carries no speed here" in without["answer"]["sentence"]
     assert "unobservable" in Page(page).words
 
@@ -184,7 +184,7 @@ def _without(given, *names):
 )  # fmt: skip
 def test_what_is_missing_gives_a_page_with_the_reason(petrel, unknown, case):
     given, reason = empties(petrel, unknown)[case]
-    summary, text = build(given)
+    summary, text, _ = build(given)
     page = Page(text)
     assert page.open == []
     assert reason in page.words + " ".join(page.figures)

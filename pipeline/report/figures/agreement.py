@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.records import Column
 from pipeline.report.compare import DIRECTIONS, floats
 from pipeline.report.figures.drawing import (
     INK,
@@ -15,12 +16,30 @@ from pipeline.report.figures.drawing import (
     MOST_MARKS,
     SENSOR,
     WIDTH,
+    Drawn,
     Picture,
     canvas,
     clock,
-    render,
+    picture,
     since,
     style,
+)
+
+COLUMNS = (
+    Column("block", "", "number of the block", "int32"),
+    Column("dive", "", "dive number", "int32"),
+    Column("direction", "", "-1 down, +1 up, 0 level", "int8"),
+    Column("powered", "", "propeller turning", "bool"),
+    Column("quantity", "", "speed: kinematic; sensor_speed: by the sensor", "string"),
+    Column("start_s", "s", "first instant, POSIX time"),
+    Column("end_s", "s", "last instant, POSIX time"),
+    Column("predicted", "m/s", "speed by theory, measured pitch held"),
+    Column("u_input", "m/s", "1-sigma of predicted from coefficients and inputs"),
+    Column("measured", "m/s", "measured speed"),
+    Column("u_measured", "m/s", "1-sigma of measured"),
+    Column("error", "m/s", "E = predicted - measured"),
+    Column("u_val", "m/s", "validation uncertainty of error, 1-sigma"),
+    Column("label", "", "how independent the two sides are", "string"),
 )
 
 
@@ -65,14 +84,15 @@ def agreement(comparison: pd.DataFrame) -> Picture | None:
         right.set_xlabel(since(start, unit))
         handles, labels = left.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4)
-        svg = render(figure, "agreement")
-    count = sum(len(rows) for rows, _label, _colour in chosen)
-    mean = float(np.mean(floats(chosen[0][0], "error")))
-    return Picture(
-        "agreement",
-        svg,
-        f"Predicted against measured speed in {count} comparisons; the mean difference is {100 * mean:+.1f} cm/s.",
-        "Left: each steady block's measured speed against theory with the measured pitch held, with the 1σ of either "
-        "side. Right: their difference against time with the validation uncertainty u_val, in which what both sides "
-        "borrow from the polar is not counted twice.",
-    )
+        drawn = pd.concat([rows for rows, _label, _colour in chosen])
+        mean = float(np.mean(floats(chosen[0][0], "error")))
+        return picture(
+            figure,
+            "agreement",
+            f"Predicted against measured speed in {len(drawn)} comparisons; the mean difference is "
+            f"{100 * mean:+.1f} cm/s.",
+            "Left: each steady block's measured speed against theory with the measured pitch held, with the 1σ of "
+            "either side. Right: their difference against time with the validation uncertainty u_val, in which what "
+            "both sides borrow from the polar is not counted twice.",
+            Drawn(drawn[[column.name for column in COLUMNS]], COLUMNS),
+        )

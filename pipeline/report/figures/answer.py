@@ -6,7 +6,27 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pipeline.report.figures.drawing import FREE, HELD, MEASURED, SENSOR, VOID, Picture, canvas, render, style
+import pandas as pd
+
+from pipeline.records import Column
+from pipeline.report.figures.drawing import FREE, HELD, MEASURED, SENSOR, VOID, Drawn, Picture, canvas, picture, style
+
+COLUMNS = (
+    Column("part", "", "part of the mission", "string"),
+    Column("net_buoyancy_N", "N", "net buoyancy force, up positive"),
+    Column("propeller_speed_rpm", "rpm", "propeller speed"),
+    Column("pitch_deg", "deg", "pitch, nose up positive"),
+    Column("measured_speed_m_s", "m/s", "measured speed through water"),
+    Column("measured_speed_std_m_s", "m/s", "1-sigma of measured_speed_m_s"),
+    Column("held_speed_m_s", "m/s", "speed by theory, measured pitch held"),
+    Column("held_speed_std_m_s", "m/s", "1-sigma of held_speed_m_s"),
+    Column("free_speed_m_s", "m/s", "speed by theory, pitch left free"),
+    Column("free_speed_std_m_s", "m/s", "1-sigma of free_speed_m_s"),
+    Column("sensor_speed_m_s", "m/s", "speed by a sensor in the same blocks"),
+    Column("sensor_speed_std_m_s", "m/s", "1-sigma of sensor_speed_m_s"),
+    Column("stable_speed_lower_m_s", "m/s", "lower bound of the stable range, Eq. (27)"),
+    Column("stable_speed_upper_m_s", "m/s", "upper bound of the stable range, Eq. (28)"),
+)
 
 
 def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
@@ -61,12 +81,19 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         handles, labels = axes.get_legend_handles_labels()
         order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("stable"))
         figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=2)
-        svg = render(figure, "answer")
+        return picture(figure, "answer", _alt(parts), _caption(seen), _table(parts))
+
+
+def _alt(parts: Sequence[Mapping[str, Any]]) -> str:
     words = [
         f"{part['name']}: measured {_value(part['measured_speed_m_s'])}, pitch held {_value(part['held_speed_m_s'])}, "
         f"pitch free {_value(part['free_speed_m_s'])} m/s"
         for part in parts
     ]
+    return "Speeds of each part of the mission, measured and by theory. " + "; ".join(words) + "."
+
+
+def _caption(seen: set[str]) -> str:
     caption = "Measured speed (blue) beside theory with the measured pitch held (orange diamonds)"
     if "free_speed" in seen:
         caption += " and with the pitch left free at α = −K_M0/K_M (purple crosses)"
@@ -75,12 +102,12 @@ def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
         caption += "; green squares: the speed sensor in the same blocks"
     if "range" in seen:
         caption += "; the grey bar is the stable range of the paper's inequalities with the pitch left free"
-    return Picture(
-        "answer",
-        svg,
-        "Speeds of each part of the mission, measured and by theory. " + "; ".join(words) + ".",
-        caption + ".",
-    )
+    return caption + "."
+
+
+def _table(parts: Sequence[Mapping[str, Any]]) -> Drawn:
+    frame = pd.DataFrame(list(parts)).rename(columns={"name": "part"})
+    return Drawn(frame[[column.name for column in COLUMNS]], COLUMNS)
 
 
 def _wrapped(part: Mapping[str, Any]) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from pipeline.records import Column, timestamps
 from pipeline.report.figures.drawing import (
     HELD,
     INK,
@@ -16,12 +18,20 @@ from pipeline.report.figures.drawing import (
     VOID,
     WIDTH,
     Array,
+    Drawn,
     Picture,
     canvas,
     clock,
-    render,
+    picture,
     since,
     style,
+)
+
+COLUMNS = (
+    Column("time", "", "middle of the block, UTC", "datetime64[ns, UTC]"),
+    Column("before_m_s", "m/s", "depth rate, measured less predicted, before the corrections"),
+    Column("after_m_s", "m/s", "the same after the corrections"),
+    Column("std_m_s", "m/s", "1-sigma of either: measurement and moving water"),
 )
 
 
@@ -69,17 +79,23 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
         right.set_xlabel(since(float(time[0]), unit))
         left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-        svg = render(figure, "corrections")
-    return Picture(
-        "corrections",
-        svg,
-        f"Confidence ellipse of {first['symbol']} = {first['value']:+.3f} ± {first['std']:.3f} {first['unit']} and "
-        f"{second['symbol']} = {second['value']:+.3f} ± {second['std']:.3f} {second['unit']}; residuals of the depth "
-        "rate before and after the corrections.",
-        "Left: what the data alone say of the two corrections (ellipses), the vehicle file's prior (dashed) and both "
-        "together (orange cross). Right: depth rate of each block, measured less predicted, before and after the "
-        "corrections, with the 1σ of measurement and moving water.",
-    )
+        return picture(
+            figure,
+            "corrections",
+            f"Confidence ellipse of {first['symbol']} = {first['value']:+.3f} ± {first['std']:.3f} {first['unit']} and "
+            f"{second['symbol']} = {second['value']:+.3f} ± {second['std']:.3f} {second['unit']}; residuals of "
+            "the depth rate before and after the corrections.",
+            "Left: what the data alone say of the two corrections (ellipses), the vehicle file's prior (dashed) and "
+            "both together (orange cross). Right: depth rate of each block, measured less predicted, before and after "
+            "the corrections, with the 1σ of measurement and moving water.",
+            _table(residuals),
+        )
+
+
+def _table(residuals: Mapping[str, Any]) -> Drawn:
+    frame = pd.DataFrame({name: residuals[name] for name in ("before_m_s", "after_m_s", "std_m_s")})
+    frame.insert(0, "time", timestamps(np.asarray(residuals["time_s"], dtype=np.float64)))
+    return Drawn(frame, COLUMNS)
 
 
 def _ellipse(centre: Array, covariance: Array, scale: float) -> tuple[Array, Array]:

@@ -11,11 +11,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipeline.records import timestamps
+from pipeline.records import Column, timestamps
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,8 @@ STYLE: Any = {
 
 #: Width of a figure, inches.
 WIDTH = 9.6
+#: Dots per inch of a PNG.
+PNG_DPI = 110
 #: Points per line beyond which a series is thinned.
 MOST = 3000
 #: Coloured points of a quantity against time at most.
@@ -86,25 +89,39 @@ MARKERS = {-1: "v", 0: "s", 1: "^"}
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """What a figure is drawn from: rows for `store.write_table`, each column with its unit and meaning."""
+
+    frame: pd.DataFrame
+    columns: tuple[Column, ...]
+
+
+@dataclass(frozen=True)
 class Picture:
-    """A figure for the page: inline SVG, what is to be seen in words, and a caption.
+    """A figure: drawn as SVG and PNG, what is to be seen in words, a caption, and what it is drawn from.
 
     Attributes
     ----------
     name
-        Short name, used for identifiers.
+        Short name, used for identifiers and files.
     svg
         The drawing, without XML header, identifiers prefixed by `name`.
     alt
         What a reader who cannot see it is told.
     caption
         What is measured, what is theory, what the bands are.
+    png
+        The same drawing on white; empty where no file is wanted.
+    table
+        What it is drawn from, None where no file is wanted.
     """
 
     name: str
     svg: str
     alt: str
     caption: str
+    png: bytes = b""
+    table: Drawn | None = None
 
 
 @contextmanager
@@ -121,8 +138,15 @@ def canvas(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def picture(figure: Figure, name: str, alt: str, caption: str, table: Drawn) -> Picture:
+    """Return `figure` in all the forms in which it leaves the report; to be called within `style`."""
+    svg, buffer = render(figure, name), io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=PNG_DPI, facecolor="white")
+    return Picture(name, svg, alt, caption, buffer.getvalue(), table)
+
+
 def render(figure: Figure, name: str) -> str:
-    """Return `figure` as inline SVG whose colours follow the page's style sheet and whose bytes do not vary."""
+    """Return `figure` as SVG without XML header, whose bytes do not vary."""
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
         _settle(figure)
@@ -134,11 +158,19 @@ def render(figure: Figure, name: str) -> str:
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
-    for colour, variable in VARIABLES.items():
-        svg = re.sub(rf": {colour}\b", f": var(--{variable}, {colour})", svg)
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     return re.sub(r"\n\s*\n", "\n", svg)
+
+
+def inline(svg: str) -> str:
+    """Return a drawing to stand inside the page: as wide as its place, in the colours of the page's style sheet."""
+    svg = re.sub(r": (#[0-9a-f]{6})\b", lambda found: f": {_followed(found[1])}", svg)
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    return re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+
+
+def _followed(colour: str) -> str:
+    variable = VARIABLES.get(colour)
+    return f"var(--{variable}, {colour})" if variable else colour
 
 
 def _settle(figure: Figure) -> None:

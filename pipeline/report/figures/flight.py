@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
-from pipeline.records import seconds, usable
+from pipeline.records import ESTIMATES, seconds, usable
 from pipeline.report.compare import floats
 from pipeline.report.figures.drawing import (
     FORCE,
@@ -20,13 +21,14 @@ from pipeline.report.figures.drawing import (
     STORED,
     VOID,
     WIDTH,
+    Drawn,
     Picture,
     canvas,
     clock,
     envelope,
     gap,
     message,
-    render,
+    picture,
     scale,
     shade,
     since,
@@ -151,22 +153,26 @@ def flight(
         axes[panels[-1]].set_xlabel(since(begin, unit))
         axes[panels[-1]].margins(x=0.01)
         figure.align_ylabels(list(axes.values()))
-        svg = render(figure, "flight")
+        words, caption = _words(panels, shown, lost, both=len(force) > 0)
+        table = pd.concat([table for _look, table in guesses])
+        return picture(figure, "flight", words, caption, Drawn(table, ESTIMATES))
+
+
+def _words(panels: Sequence[str], shown: str, lost: NDArray[np.bool_], *, both: bool) -> tuple[str, str]:
+    """Return the alternative text and the caption."""
     share = float(lost.mean()) if lost.size else 0.0
-    both = ""
-    if len(force):
-        both = (
+    adjusted = ""
+    if both:
+        adjusted = (
             " Brown: theory with the parameters adjusted to this mission (the force estimate), which borrows net "
             "buoyancy, thrust and all coefficients."
         )
-    return Picture(
-        "flight",
-        svg,
+    return (
         f"{', '.join(WORDS.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
         f"observable by the kinematic estimate in {100 * share:.0f} % of the samples.",
         f"Measured (blue) against time for {shown}: depth, pitch and engines as logged; speed, angle of attack and "
         "vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift to drag alone."
-        f"{both} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
+        f"{adjusted} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
         "held. Hatched: the data do not determine the speed there, so the kinematic estimate gives none.",
     )
 

@@ -6,20 +6,23 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib import MatplotlibDeprecationWarning
 from matplotlib.colors import Colormap
 
-from pipeline.records import seconds, usable
+from pipeline.records import TIME, Column, seconds, usable
 from pipeline.report.compare import floats
 from pipeline.report.figures.drawing import (
     MEASURED,
     POINTS,
     WIDTH,
+    Array,
+    Drawn,
     Picture,
     canvas,
     clock,
     gap,
-    render,
+    picture,
     since,
     style,
     thin,
@@ -28,6 +31,11 @@ from pipeline.report.figures.drawing import (
 
 if TYPE_CHECKING:
     from pipeline.table import Columns
+COLUMNS = (
+    TIME,
+    Column("depth", "m", "depth, positive down"),
+    Column("temperature", "degC", "in-situ temperature, ITS-90"),
+)
 
 
 def water(records: Columns, estimates: Columns) -> Picture | None:
@@ -66,15 +74,23 @@ def water(records: Columns, estimates: Columns) -> Picture | None:
         upper.set_ylabel("depth, m")
         lower.set_xlabel(since(start, unit))
         lower.margins(x=0.01)
-        svg = render(figure, "water")
-    words = f"Depth against time, down to {np.max(depth[known]):.0f} m"
-    if not warm.any():
-        return Picture("water", svg, words + ".", "Measured depth against time; no temperature was measured.")
-    low, high = np.min(temperature[warm]), np.max(temperature[warm])
+        words, caption = _words(depth[known], temperature[warm], smoothed)
+        rows = np.flatnonzero(warm if warm.any() else known)
+        rows = rows[:: max(1, int(np.ceil(rows.size / POINTS)))]
+        stamps = pd.DatetimeIndex(records["time"])[rows]
+        frame = pd.DataFrame({"time": stamps, "depth": place[rows], "temperature": temperature[rows]})
+        return picture(figure, "water", words, caption, Drawn(frame, COLUMNS))
+
+
+def _words(depth: Array, temperature: Array, smoothed: bool) -> tuple[str, str]:
+    """Return the alternative text and the caption."""
+    words = f"Depth against time, down to {np.max(depth):.0f} m"
+    if not temperature.size:
+        return words + ".", "Measured depth against time; no temperature was measured."
     caption = "Measured depth against time, coloured by measured temperature; below, temperature."
     if smoothed:
         caption += " Temperature and pressure have clocks of their own: its points are drawn at the smoothed depth."
-    return Picture("water", svg, f"{words}, coloured by temperature from {low:.1f} to {high:.1f} °C.", caption)
+    return f"{words}, coloured by temperature from {np.min(temperature):.1f} to {np.max(temperature):.1f} °C.", caption
 
 
 def thermal() -> Colormap:

@@ -1,0 +1,35 @@
+"""Figures as files: drawing, picture and table say the same, with units, and go when the figure goes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from pipeline import store
+from pipeline.report import Report
+from pipeline.report.figures import files
+
+
+def test_every_figure_is_written_in_three_forms_with_the_unit_of_each_column(built: Report, tmp_path: Path) -> None:
+    files.write(tmp_path.joinpath, built.pictures, "synthetic")
+    drawn = {name: picture for name, picture in built.pictures.items() if picture is not None}
+    written = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {f"figures/{name}.{kind}" for name in drawn for kind in files.KINDS}
+    assert written <= set(files.NAMES)
+    for name, picture in drawn.items():
+        path = tmp_path / "figures" / name
+        assert path.with_suffix(".svg").read_text() == picture.svg
+        assert "var(" not in picture.svg
+        assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        schema = pq.read_schema(path.with_suffix(".parquet"))
+        assert all(field.metadata[b"meaning"] for field in schema)
+        assert any(field.metadata[b"unit"] for field in schema)
+        assert store.read_metadata(path.with_suffix(".parquet"))["caption"] == picture.caption
+        assert len(store.read_table(path.with_suffix(".parquet"))) > 0
+
+
+def test_a_figure_that_is_no_longer_drawn_is_removed(built: Report, tmp_path: Path) -> None:
+    files.write(tmp_path.joinpath, built.pictures, "synthetic")
+    files.write(tmp_path.joinpath, dict.fromkeys(built.pictures), "synthetic")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
