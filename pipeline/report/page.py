@@ -36,6 +36,7 @@ SECTIONS = (
     Section("comparison", "Comparison", "Measured against theory"),
     Section("stability", "Stable range", "Stable range"),
     Section("fit", "Fit", "Which correction explains the difference"),
+    Section("closure", "GPS closure", "Is the speed right? Fixes against every model"),
     Section("stored", "Stored model", "The vehicle's own stored model"),
     Section("force", "Force estimate", "The force estimate: theory adjusted to this mission"),
     Section("instruments", "Instruments", "Do the instruments agree?"),

@@ -13,6 +13,7 @@ from pipeline.records import TRIMS, seconds, timestamps
 from pipeline.report import averages, compare, corrected, methods, nominal, og1, stored
 from pipeline.report.adjustment import adjustment
 from pipeline.report.answer import answer
+from pipeline.report.closures import closures
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
 from pipeline.report.fitting.fit import fit
@@ -79,6 +80,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         },
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
+        "closure": closures(inputs),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),
         "sensor": inputs.estimate.get("coverage"),

@@ -18,7 +18,7 @@ from pipeline.report.page import MOST_ROWS, TEMPLATES, number, spread
 def test_page_parses_and_every_figure_has_an_alternative_text(built):
     page = Page(built[1])
     assert page.open == []
-    assert len(page.figures) == 6
+    assert len(page.figures) == 7
     assert all(len(words) > 40 for words in page.figures)
 
 

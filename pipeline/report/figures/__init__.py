@@ -19,6 +19,7 @@ NO_FIGURE = {
     "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
     "agreement": "no block has both a measured and a predicted speed",
     "corrections": "no correction was fitted",
+    "closure": "no fixes before and after flight on a recorded heading",
 }
 
 
@@ -36,6 +37,7 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     """
     from pipeline.report.figures.agreement import agreement
     from pipeline.report.figures.answer import answer
+    from pipeline.report.figures.closure import closure
     from pipeline.report.figures.corrections import corrections
     from pipeline.report.figures.curves import curves
     from pipeline.report.figures.flight import flight
@@ -51,6 +53,7 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
         "curves": curves(inputs.blocks, inputs.vehicle, gps),
         "agreement": agreement(comparison),
         "corrections": corrections(summary["fit"]),
+        "closure": closure(summary["closure"]),
     }
 
 

@@ -35,7 +35,7 @@ STRENGTH, STRENGTH_FACTOR = 0.05, 2.0
 LASTING, LASTING_FACTOR = 6.0 * 3600.0, 2.0
 STEPS = np.linspace(-3.0, 3.0, 13)
 #: Above this 1-sigma β is not determined.
-UNDETERMINED = 0.3
+UNDETERMINED = 0.2
 #: A passage whose velocity over ground is off by more than this many times the usual is left out; at least so many.
 GATE, LEAST_FOR_GATE = 6.0, 6
 #: Median length of a vector whose components have unit variance.

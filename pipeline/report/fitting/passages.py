@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 Vector = NDArray[np.complex128]
 Whole = NDArray[np.int64]
 
+#: Columns of the records that passages are made from.
+_JUDGED = ("pressure", "heading", "latitude", "longitude")
+NEEDED = ("time", "dive", "depth", *_JUDGED, *(f"{name}_qc" for name in _JUDGED))
 #: Above this depth (m) the vehicle is afloat.
 AFLOAT = 2.0
 #: A pause between samples (s) longer than this says nothing of what was flown meanwhile.
@@ -102,7 +105,7 @@ def find(records: pd.DataFrame) -> Passages:
     Parameters
     ----------
     records
-        Canonical records, times increasing.
+        Canonical records, times increasing; columns `NEEDED`.
     """
     time = seconds(records["time"])
     fixed = usable(records, "latitude") & usable(records, "longitude")
@@ -220,6 +223,20 @@ def by_blocks(passages: Passages, start: Array, end: Array) -> tuple[Any, Array]
     share = passages.step[own] / total[passages.number[own]]
     weights = coo_array((share, (passages.number[own], nearest[own])), shape=(k, blocks)).tocsr()
     return weights, passages.recorded * covered / whole
+
+
+def mean_of(weights: Any, seen: Array, speed: Array) -> ThroughWater:
+    """Return what the horizontal speeds of blocks make of each passage.
+
+    Parameters
+    ----------
+    weights, seen
+        As from `by_blocks`.
+    speed
+        m/s, shape (b,); NaN where the theory has none, and then the passage has none.
+    """
+    velocity = weights @ speed
+    return ThroughWater(velocity, UNSEEN * np.abs(velocity) * (1.0 - seen), np.where(seen >= SEEN, seen, 0.0))
 
 
 def _mean(passages: Passages, speed: Array, seen: NDArray[np.bool_]) -> ThroughWater:
