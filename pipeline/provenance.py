@@ -47,6 +47,7 @@ OUTSIDE = (
 
 #: Libraries that have a say in the numbers or the pages.
 LIBRARIES = (
+    "bokeh",
     "cmocean",
     "dbdreader",
     "filterpy",

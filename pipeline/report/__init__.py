@@ -76,11 +76,13 @@ def build(inputs: Inputs) -> Report:
     """
     from pipeline.report import page
     from pipeline.report.figures import draw
+    from pipeline.report.figures.interactive import interactive
     from pipeline.report.summary import summarise
 
     summary, comparison = summarise(inputs)
-    pictures = draw(inputs, summary, comparison)
-    return Report(summary, page.report(summary, pictures), pictures)
+    pictures, live = draw(inputs, summary, comparison), interactive(inputs)
+    summary["series"] = live.account if live is not None else None
+    return Report(summary, page.report(summary, pictures, live), pictures)
 
 
 def index(summaries: Sequence[Mapping[str, Any]]) -> str:

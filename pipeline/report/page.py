@@ -13,6 +13,7 @@ from markupsafe import Markup
 from pipeline.report.adjustment import amount
 from pipeline.report.figures import NO_FIGURE
 from pipeline.report.figures.drawing import Picture, inline
+from pipeline.report.figures.interactive import Interactive
 from pipeline.report.guide import guide
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -50,7 +51,9 @@ SECTIONS = (
 )
 
 
-def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -> str:
+def report(
+    summary: Mapping[str, Any], pictures: Mapping[str, Picture | None], interactive: Interactive | None = None
+) -> str:
     """Return the text of report.html.
 
     Parameters
@@ -59,10 +62,13 @@ def report(summary: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -
         The content of summary.json.
     pictures
         Figures by name; None where there is nothing to draw.
+    interactive
+        Flight against time to zoom into, where there is any.
     """
     return environment().get_template("report.html").render(
         summary=summary,
         pictures=pictures,
+        interactive=interactive,
         no_figure=NO_FIGURE,
         sections=SECTIONS,
         guide=guide(),
