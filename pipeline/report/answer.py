@@ -29,7 +29,7 @@ def answer(summary: Mapping[str, Any]) -> dict[str, Any]:
     more += _sensor_words(summary["consistency"])
     if any(row["significant"] for row in summary["compatibility"]["quantities"]):
         more.append(f"Do the instruments agree? {summary['compatibility']['sentence']}")
-    more += [_fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]
+    more += [summary["hypotheses"]["verdict"], _fit_words(summary["fit"]), *summary["stored_model"]["sentences"]]
     return {"sentence": sentence, "more": more}
 
 

@@ -36,6 +36,7 @@ SECTIONS = (
     Section("flight", "Flight", "Flight"),
     Section("comparison", "Comparison", "Measured against theory"),
     Section("stability", "Stable range", "Stable range"),
+    Section("hypotheses", "Reasons", "Which reason explains the difference"),
     Section("fit", "Fit", "Which correction explains the difference"),
     Section("closure", "GPS closure", "Is the speed right? Fixes against every model"),
     Section("stored", "Stored model", "The vehicle's own stored model"),

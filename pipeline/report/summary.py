@@ -17,6 +17,7 @@ from pipeline.report.closures import closures
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Configuration
 from pipeline.vehicle import KNOWN, Vehicle
 
@@ -42,16 +43,15 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         blocks, inputs.predictions, inputs.vehicle, sensor_used=sensor_used, settings=settings, gps=gps
     )
     means = averages.means(comparison, settings)
-    fitted = fit(
-        blocks,
-        inputs.vehicle,
-        settings=settings,
-        ballast_std=mission.ballast.std,
-        pitch_std=math.radians(mission.pitch.std_deg),
-        use_sensor=sensor_used,
-        gps=gps,
-        configurations=[Configuration(item.name, *item.dives) for item in mission.configurations],
-    )
+    known: dict[str, Any] = {
+        "settings": settings,
+        "ballast_std": mission.ballast.std,
+        "pitch_std": math.radians(mission.pitch.std_deg),
+        "use_sensor": sensor_used,
+        "gps": gps,
+        "configurations": [Configuration(item.name, *item.dives) for item in mission.configurations],
+    }
+    fitted = fit(blocks, inputs.vehicle, **known)
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(
         inputs.stored,
@@ -81,6 +81,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
         "closure": closures(inputs),
+        "hypotheses": rank(blocks, inputs.vehicle, **known),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),
         "sensor": inputs.estimate.get("coverage"),

@@ -18,6 +18,7 @@ NO_FIGURE = {
     "flight": "there are no records to draw",
     "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
     "agreement": "no block has both a measured and a predicted speed",
+    "hypotheses": "the reasons were not ranked",
     "corrections": "no correction was fitted",
     "closure": "no fixes before and after flight on a recorded heading",
 }
@@ -41,6 +42,7 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     from pipeline.report.figures.corrections import corrections
     from pipeline.report.figures.curves import curves
     from pipeline.report.figures.flight import flight
+    from pipeline.report.figures.hypotheses import hypotheses
     from pipeline.report.figures.water import water
 
     gps = _gps(summary["parts"])
@@ -52,6 +54,7 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
         ),
         "curves": curves(inputs.blocks, inputs.vehicle, gps),
         "agreement": agreement(comparison),
+        "hypotheses": hypotheses(summary["hypotheses"]),
         "corrections": corrections(summary["fit"]),
         "closure": closure(summary["closure"]),
     }

@@ -1,0 +1,34 @@
+"""The reasons on the page: verdict, table and figure say what summary.json says."""
+
+from pages import Page
+from synthetic import blocks, inputs
+
+from pipeline.report import build
+from pipeline.report.figures.hypotheses import COLUMNS, hypotheses
+
+
+def test_the_verdict_leads_its_section_and_stands_under_the_answer(built):
+    ranking, words = built[0]["hypotheses"], Page(built[1]).words
+    assert ranking["verdict"] in built[0]["answer"]["more"]
+    section = words[words.index("Which reason explains the difference") :]
+    assert ranking["verdict"] in section
+    for row in ranking["rows"]:
+        assert row["words"] in section
+        assert row["verdict"] in section
+
+
+def test_the_figure_has_the_most_probable_reason_first(built):
+    drawn = hypotheses(built[0]["hypotheses"])
+    frame = drawn.table.frame
+    assert list(frame.columns) == [column.name for column in COLUMNS]
+    assert frame["behind"].min() == 0.0
+    assert frame["delta_bic"].min() == 0.0
+    assert built[0]["hypotheses"]["rows"][0]["name"] == frame["name"][0]
+
+
+def test_without_blocks_the_page_says_why_nothing_is_ranked(mission, petrel):
+    table = blocks(dives=1).assign(used=False)
+    summary, page = build(inputs(mission, petrel, table))[:2]
+    assert summary["hypotheses"]["reason"] == "no steady block"
+    assert "What may be wrong cannot be ranked: no steady block." in Page(page).words
+    assert hypotheses(summary["hypotheses"]) is None
