@@ -164,7 +164,7 @@ def predicted(records: pd.DataFrame, prepared: Prepared, *, start: float = START
         raise NoForceModelError(reason)
     blind = replace(series, depth=np.full(series.time.size, np.nan))
     along = force.path(blind, np.full(series.time.size, start), series.pitch_guess)
-    flight, _, _ = force.solve(blind, inputs, prepared.adjusted, along, speed=False, solver=smoother.solve)
+    flight = force.solve(blind, inputs, prepared.adjusted, along, speed=False, solver=smoother.solve).flight
     return pd.DataFrame(
         {
             "time": records["time"],

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 #: Keys of mission.yaml that a stage's result does not depend on.
 UNREAD: dict[str, set[str]] = {
-    "ingest": {"vehicle", "description", "ballast", "coefficients", "speed_sensor", "gps", "nominal", "configurations"},
+    "ingest": {
+        *("vehicle", "description", "ballast", "coefficients", "speed_sensor", "speed_sensor_scale_std", "gps"),
+        *("nominal", "configurations"),
+    },
     "estimate": {"description", "nominal", "configurations", "format", "files", "vehicle", "coefficients"},
     "model": set(missions.Mission.model_fields),
     "report": {"vehicle", "coefficients", "files"},

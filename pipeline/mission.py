@@ -125,6 +125,13 @@ class Mission(_Strict):
     speed_sensor: Literal["check", "use", "ignore"] = Field(
         "check", description="a speed sensor is held out as a check, used by the estimator, or ignored"
     )
+    speed_sensor_scale_std: float = Field(
+        0.005,
+        ge=0,
+        le=0.3,
+        description="1-sigma of the relative error of a speed sensor that is used: 0.005 for a Doppler log whose "
+        "speed of sound is right, 0.03 to 0.1 for a flowmeter or a propeller log",
+    )
     gps: Literal["use", "ignore"] = Field("use", description="speed between fixes at the ends of submerged legs")
     dives: tuple[int, int] | None = Field(None, description="first and last dive to analyse")
     minimum_block_s: float = Field(60.0, gt=0, description="s, shortest steady flight that makes a block")

@@ -47,6 +47,11 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes},
         "compatibility": parts[0].compatibility if len(parts) == 1 else _joined(parts),
     }
+    report["speed_scale"] = {
+        name: _best([part.speed_scale[name] for part in parts if name in part.speed_scale])
+        for name in ("kinematic", "force")
+        if any(name in part.speed_scale for part in parts)
+    }
     report["force"] = {"reason": prepared.reason}
     if adjusted is not None:
         seen, size = _sum(parts, "force")
@@ -92,9 +97,14 @@ def _joined(parts: Sequence[Part]) -> dict[str, Any]:
             count = sum(entry["value"] or 0 for entry in entries)
             result[name] = {**entries[0], "value": count, "instruments": total}
         else:
-            known = [entry for entry in entries if entry["value"] is not None and entry["std"]]
-            result[name] = min(known, key=lambda entry: entry["std"]) if known else entries[0]
+            result[name] = _best(entries)
     return result
+
+
+def _best(entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the entry with the smallest 1-sigma; the first if none has one."""
+    known = [entry for entry in entries if entry["value"] is not None and entry["std"]]
+    return min(known, key=lambda entry: entry["std"]) if known else entries[0]
 
 
 def nothing() -> dict[str, Any]:
@@ -109,5 +119,6 @@ def nothing() -> dict[str, Any]:
         "settings": {},
         "used": {"speed_sensor": False, "fixes": False},
         "compatibility": {},
+        "speed_scale": {},
         "force": {"reason": "no records"},
     }

@@ -3,8 +3,8 @@
 Filter-error method (Maine & Iliff 1985, NASA RP-1138): the innovations of the filter, weighted by their variance, are
 made smallest by Gauss–Newton steps; their derivatives are those of the filter's own considered parameters. Lift,
 induced drag and the bias of pitch are never adjusted, since depth rate alone does not tell them from drag and
-buoyancy: they are considered, and what they leave open in the others stays in the covariance (Schmidt 1966). No speed
-sensor enters unless the mission says so.
+buoyancy: they are considered, and what they leave open in the others stays in the covariance (Schmidt 1966). A speed
+sensor enters only if the mission says so, and then all are adjusted.
 """
 
 from __future__ import annotations
@@ -17,15 +17,18 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, smoother
 from pipeline.estimate.craft import BUOYANCY, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft, thrust_std
-from pipeline.estimate.force import PITCH, SPEED, Path, linearise, path
+from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import ENOUGH, WATER, covariance, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 
-#: What the depth rate may adjust, in the order of `PARAMETERS`; thrust only where the propeller turned.
+#: What the depth rate may adjust; thrust only where the propeller turned. With a speed sensor all may be.
 ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansion", "thrust", "hull_time")
+#: Changes of coefficients relative to themselves, and the least of them: lift and drag keep their sign.
+RELATIVE = [PARAMETERS.index(name) for name in ("parasite_drag", "lift_slope", "induced_drag", "thrust")]
+LEAST = -0.8
 #: An innovation beyond this many standard deviations counts less (Huber 1964, doi:10.1214/aoms/1177703732).
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
@@ -61,7 +64,14 @@ class _Normal(NamedTuple):
     cost: float
 
 
-def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *, speed: bool) -> Adjusted:
+def adjust(
+    stretches: Sequence[Stretch],
+    craft: Craft,
+    paths: Sequence[Path],
+    *,
+    speed: bool,
+    speed_scale: float = Settings._field_defaults["speed_scale"],
+) -> Adjusted:
     """Return the craft adjusted to the depth (and speed, if used) measured in `stretches`.
 
     Parameters
@@ -74,15 +84,17 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
         Where each stretch is linearised at first.
     speed
         Whether the speed sensor is a measurement.
+    speed_scale
+        1-sigma of its scale error.
     """
-    settings = noise_from(stretches[0].series)
+    settings = noise_from(stretches[0].series)._replace(speed_scale=speed_scale)
     powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
     if powered:
         std = craft.std.copy()
         std[THRUST] = thrust_std(craft, [stretch.force for stretch in stretches], [at.speed for at in paths])
         craft = craft._replace(std=std)
-    names = [name for name in ADJUSTED if (name != "thrust" or powered) and craft.std[PARAMETERS.index(name)] > 0.0]
-    free = np.array([name in names for name in PARAMETERS])
+    adjusted = set(PARAMETERS if speed else ADJUSTED) - (set() if powered else {"thrust"})
+    free = np.array([name in adjusted for name in PARAMETERS]) & (craft.std > 0.0)
     paths = list(paths)
     converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
@@ -94,6 +106,7 @@ def adjust(stretches: Sequence[Stretch], craft: Craft, paths: Sequence[Path], *,
         change = change * min(share, 2.0 / max(float(np.max(np.abs(change))), 1e-9))
         value = craft.value + change * craft.std
         value[HULL_TIME] = max(value[HULL_TIME], 0.0)
+        value[RELATIVE] = np.maximum(value[RELATIVE], LEAST)
         craft = craft._replace(value=value)
         if step in SEARCHES:
             settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed)
@@ -120,7 +133,7 @@ def _equations(
     for i, stretch in enumerate(stretches):
         problem, _ = linearise(stretch.series, stretch.force, craft, settings, paths[i], speed=speed)
         total = _summed(total, _normal(problem, stretch.series))
-        paths[i] = _smoothed(problem, stretch.series)
+        paths[i] = _smoothed(problem, stretch.series, paths[i])
     return total
 
 
@@ -177,13 +190,12 @@ def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
     return columns
 
 
-def _smoothed(problem: Problem, series: Series) -> Path:
+def _smoothed(problem: Problem, series: Series, at: Path) -> Path:
     c = problem.shift.shape[2]
     plain = problem._replace(
         shift=np.ascontiguousarray(problem.shift[:, :, :1]), observed_by=np.empty((len(problem.seen), 0))
     )
-    mean = smoother.solve(plain if c > 1 else problem).mean[:, :, 0]
-    return path(series, mean[:, SPEED], mean[:, PITCH])
+    return smoothed(series, smoother.solve(plain if c > 1 else problem).mean[:, :, 0], at)
 
 
 def _likeliest(

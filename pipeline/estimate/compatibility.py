@@ -21,8 +21,9 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.attitude import attitude
+from pipeline.estimate.attitude import SCALE, attitude
 from pipeline.estimate.lag import lag
+from pipeline.estimate.sensors import Scale
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.spikes import SPAN, depth_spikes, pitch_spikes, speed_spikes
 from pipeline.findings import Finding
@@ -32,6 +33,8 @@ from pipeline.vehicle import Vehicle
 
 #: A quantity is significant beyond this many standard deviations.
 SIGNIFICANT = 3.0
+#: The data are said to determine the scale of a speed sensor when its 1-sigma falls below this share of what it was.
+DETERMINED = 0.5
 #: Closer to the surface than this (m) pitch and speed go where waves and antenna want them.
 WAVES = 5.0
 #: Spikes that are listed one by one, of each instrument.
@@ -116,6 +119,21 @@ def reconcile(records: pd.DataFrame, series: Series, vehicle: Vehicle, mission: 
     if changes:
         series = from_records(records.assign(**changes))
     return Compatibility(series, report, findings)
+
+
+def speed_scale(found: Scale | None, before: float) -> Entry:
+    """Return the report on the scale error of a speed sensor that is used; `before` is its 1-sigma before the mission.
+
+    It is found with the estimate, not before it, and always applied. It has also ``determined``: whether the data, not
+    what was known before, say what it is.
+    """
+    if found is None:
+        return _entry("1", reason="the speed sensor reported nothing") | {"determined": False}
+    entry = _entry("1", found.value, found.std)
+    determined = found.std < DETERMINED * before
+    told = f"1-sigma {100.0 * before:.2g} % before the mission, {100.0 * found.std:.2g} % now"
+    reason = told if determined else f"not determined by these data: {told}"
+    return entry | {"applied": True, "reason": reason, "determined": determined}
 
 
 def _entry(
@@ -268,6 +286,9 @@ def _attitude(
     none = (0.0, 1.0)
     if mission.speed_sensor != "use" or not np.isfinite(series.speed).any():
         reason = "needs a speed sensor that may be used: depth and pitch alone do not tell it from water motion"
+        return _entry("rad", reason=reason), _entry("1", reason=reason), none
+    if mission.speed_sensor_scale_std > SCALE:
+        reason = f"the scale of the speed sensor itself is not known to {100.0 * SCALE:g} %"
         return _entry("rad", reason=reason), _entry("1", reason=reason), none
     fit = attitude(series, vehicle)
     if fit.reason:

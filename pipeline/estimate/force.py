@@ -15,10 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.estimate import told
 from pipeline.estimate.craft import BIAS, EXPANSION, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_thermal_lag
 from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured
 from pipeline.estimate.problem import Problem, Solution
+from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import Flight
@@ -40,11 +42,21 @@ STOPPING = 10.0
 
 
 class Path(NamedTuple):
-    """Where the force model is linearised: V [m/s], θ [rad] and q [rad/s], each of shape (m,)."""
+    """Where the force model is linearised: V [m/s], θ [rad], q [rad/s], shape (m,); scale error of a speed sensor."""
 
     speed: np.ndarray
     pitch: np.ndarray
     pitch_rate: np.ndarray
+    scale: float = 0.0
+
+
+class Flown(NamedTuple):
+    """A stretch of a mission, solved."""
+
+    flight: Flight
+    problem: Problem  # the last one solved
+    solution: Solution
+    scale: Scale | None  # of the speed sensor, if it is used
 
 
 @njit(cache=True, nogil=True)
@@ -321,15 +333,26 @@ def linearise(
         observed_by @ mixed,
         variance,
     )
+    if speed:
+        problem = with_scale(problem, series.time, np.maximum(at.speed, LEAST), at.scale, s.speed_scale, (2,))
     return problem, np.concatenate([alphas[:, :3], alphas[:, 3:] @ mixed], axis=1)
 
 
-def path(series: Series, speed: np.ndarray, pitch: np.ndarray) -> Path:
+def path(series: Series, speed: np.ndarray, pitch: np.ndarray, scale: float = 0.0) -> Path:
     """Return the path through V and θ, shape (m,) each, with the pitch rate that they have."""
     if series.time.size < 2:
-        return Path(speed, pitch, np.zeros_like(pitch))
+        return Path(speed, pitch, np.zeros_like(pitch), scale)
     rate = np.gradient(pitch, increasing(series.time))
-    return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), np.clip(rate, -TURNING, TURNING))
+    turning = np.clip(rate, -TURNING, TURNING)
+    return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), turning, scale)
+
+
+def smoothed(series: Series, mean: np.ndarray, at: Path) -> Path:
+    """Return the path through smoothed states, shape (m, n), of the problem that is linear along `at`."""
+    scale = 0.0
+    if mean.shape[1] > LOAD + 1:
+        scale = around(scale_of(mean[:, -1], np.maximum(at.speed, LEAST), at.scale), np.isfinite(series.speed))
+    return path(series, mean[:, SPEED], mean[:, PITCH], scale)
 
 
 def solve(
@@ -340,8 +363,8 @@ def solve(
     *,
     speed: bool,
     solver: Callable[[Problem], Solution],
-) -> tuple[Flight, Problem, Solution]:
-    """Return the flight by the force model, the last problem and its solution.
+) -> Flown:
+    """Return the flight by the force model.
 
     Parameters
     ----------
@@ -359,8 +382,7 @@ def solve(
     nothing = np.empty((len(PARAMETERS), 0))
     for _ in range(ITERATIONS):
         problem, _ = linearise(series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=nothing)
-        mean = solver(problem).mean[:, :, 0]
-        new = path(series, mean[:, SPEED], mean[:, PITCH])
+        new = smoothed(series, solver(problem).mean[:, :, 0], at)
         change = float(np.max(np.abs(new.speed - at.speed)))
         at = new
         if change < 1e-5:
@@ -370,7 +392,11 @@ def solve(
     )
     solution = solver(problem)
     slip = np.where(series.manoeuvre, adjusted.settings.slip_manoeuvre, adjusted.settings.slip)
-    return _flight(solution, alphas, slip), problem, solution
+    scale = None
+    if speed and adjusted.settings.speed_scale:
+        held = told.nothing(solution.mean.shape[2] - 1)
+        scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
+    return Flown(_flight(solution, alphas, slip), problem, solution, scale)
 
 
 def _flight(solution: Solution, alphas: np.ndarray, slip: np.ndarray) -> Flight:

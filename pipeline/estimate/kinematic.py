@@ -20,11 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.estimate.linearise import CRUISE, CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
+from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
 from pipeline.estimate.noise import likeliest, noise_from
 from pipeline.estimate.problem import Problem, Solution
+from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
+from pipeline.estimate.told import nothing, told
 from pipeline.estimate.trajectory import Flight, Solve, first_guess, flight, iterate
 from pipeline.mission import Mission
 from pipeline.vehicle import Polar, Vehicle
@@ -54,6 +56,7 @@ class Part(NamedTuple):
     flight: Flight
     series: Series  # without what was left out
     current: np.ndarray  # (2, m): east and north, NaN without fixes
+    scale: Scale | None  # of the speed sensor, if it is used
     problem: Problem  # the last one solved
     solution: Solution
     outlying: np.ndarray  # (2, m): depth and pitch left out
@@ -76,7 +79,7 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
         Whether fixes are measurements.
     """
     sources = Sources(mission.speed_sensor == "use", fixes)
-    settings = noise_from(series)
+    settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
     if any(math.isnan(value) for value in vehicle.polar):
         return Model(vehicle.polar, *_considered(vehicle, mission), settings, sources, solve)
     at, _ = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, 2)
@@ -97,12 +100,14 @@ def solve(series: Series, model: Model) -> Part:
     at, _ = iterate(series, polar, settings, at, sources, model.solve, 5)
     problem = linearise(series, polar, settings, at, sources, model.considered)
     solution = model.solve(problem)
-    n = solution.mean.shape[1]
-    currents = solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2, 0].T
+    steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
+    known = told(problem, steady) if sources.speed else nothing(len(model.names))
+    currents = known.moved(solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2]).T
     return Part(
-        flight(series, polar, solution, model.considered),
+        flight(series, polar, solution, model.considered, known),
         series,
-        currents if n > CRUISE else np.full((2, series.time.size), np.nan),
+        currents if sources.fixes else np.full((2, series.time.size), np.nan),
+        scale_found(series, solution, at.speed, at.scale, known) if sources.speed and settings.speed_scale else None,
         problem,
         solution,
         outlying,

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.estimate.problem import Problem
+from pipeline.estimate.sensors import with_scale
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 from pipeline.model.closure import best_glides, glide_near, parasite
@@ -17,9 +18,17 @@ from pipeline.vehicle import Polar
 #: States, in order; the last five only where there are fixes and a heading. CRUISE is the speed of powered level
 #: flight: at one propeller setting it is the same from one stretch to the next.
 SPEED, PITCH, DEPTH, WATER, SLIP, RESPONSE, EAST, NORTH, CURRENT_EAST, CURRENT_NORTH, CRUISE = range(11)
-#: Kinds of measurement, in order, and the state measured; the last three only where there are fixes and a heading.
-#: The last ties V to CRUISE where a cruise begins and ends.
-MEASURED = {"depth": DEPTH, "pitch": PITCH, "speed": SPEED, "east": EAST, "north": NORTH, "continuity": SPEED}
+#: Kinds of measurement, in order, and the state measured; the last four only where there are fixes and a heading.
+#: "continuity" ties V to CRUISE where a cruise begins and ends; the last is a speed sensor's, if used, in a cruise.
+MEASURED = {
+    "depth": DEPTH,
+    "pitch": PITCH,
+    "speed": SPEED,
+    "east": EAST,
+    "north": NORTH,
+    "continuity": SPEED,
+    "cruising speed": CRUISE,
+}
 
 #: 1-sigma of α under power as a share of the glide's α at the same pitch. With thrust T ≥ 0 less lift is needed than
 #: in the glide, so that |α| lies between zero and the glide's; near level, net buoyancy of either sign can be carried.
@@ -48,12 +57,13 @@ class Considered(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """Where the model is linearised: V, θ, δ and κ, each of shape (m,)."""
+    """Where the model is linearised: V, θ, δ and κ, each of shape (m,), and the scale error of a speed sensor."""
 
     speed: np.ndarray
     pitch: np.ndarray
     slip: np.ndarray
     response: np.ndarray
+    scale: float = 0.0
 
 
 class Course(NamedTuple):
@@ -275,7 +285,7 @@ def linearise(
     settings
         Noise levels.
     at
-        Trajectory of V, θ, δ.
+        Trajectory of V, θ, δ, κ.
     sources
         Whether the speed sensor and the fixes are measurements.
     considered
@@ -284,10 +294,10 @@ def linearise(
     Returns
     -------
     Problem
-        With 6 states, or 11 with fixes.
+        With 6 states, or 11 with fixes; one more, the last, for the scale of a speed sensor.
     """
     m, s = series.time.size, settings
-    n, p = (11, 6) if sources.fixes else (6, 3)
+    n, p = (11, 6 + sources.speed) if sources.fixes else (6, 3)
     moved = considered.polars if considered else np.empty((0, 2, 5))
     c = 1 + len(moved) if considered else 0
     coupled = np.array([DEPTH, SPEED, EAST, NORTH] if sources.fixes else [DEPTH, SPEED])
@@ -318,6 +328,9 @@ def linearise(
         seen[5, 1], weight[5, 1] = CRUISE, -1.0
         bounds = np.diff(series.cruising, append=False) | np.diff(series.cruising, prepend=False)
         observed[bounds & series.cruising, 5], variance[:, 5] = 0.0, s.continuity**2
+        if sources.speed:
+            observed[:, 6], variance[:, 6] = np.where(series.cruising, observed[:, 2], np.nan), variance[:, 2]
+            observed[series.cruising, 2] = np.nan
     mean = np.zeros(n)
     mean[SPEED], mean[PITCH] = at.speed[0], at.pitch[0]
     mean[DEPTH], mean[RESPONSE] = depth_at_start(series), s.response
@@ -325,7 +338,7 @@ def linearise(
         mean[CRUISE] = float(np.median(at.speed))
     flight = [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre, s.response]
     spread = np.array([*flight, 1e3, 1e3, s.initial_current, s.initial_current, s.initial_speed])
-    return Problem(
+    problem = Problem(
         mean,
         np.diag(spread[:n] ** 2),
         decay,
@@ -341,3 +354,7 @@ def linearise(
         observed_by,
         variance,
     )
+    if not sources.speed:
+        return problem
+    kinds = (2, 6) if sources.fixes else (2,)
+    return with_scale(problem, series.time, at.speed, at.scale, s.speed_scale, kinds)

@@ -9,11 +9,12 @@ import pandas as pd
 
 from pipeline.estimate import force, kinematic
 from pipeline.estimate.blocks import means
-from pipeline.estimate.compatibility import reconcile
+from pipeline.estimate.compatibility import reconcile, speed_scale
 from pipeline.estimate.consistency import Tally, tally
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.legs import Leg, legs
 from pipeline.estimate.preparation import Prepared
+from pipeline.estimate.sensors import Scale
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.trajectory import Flight
 from pipeline.estimate.verdict import verdict
@@ -35,6 +36,7 @@ class Part(NamedTuple):
     shares: np.ndarray  # (c,): sums of the shares of the variance of V that the borrowed leave open
     legs: list[Leg]
     compatibility: dict[str, Any]
+    speed_scale: dict[str, Any]  # of a speed sensor that is used, by method; empty if none is
     findings: list[Finding]
 
 
@@ -56,7 +58,9 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
         model = model._replace(sources=model.sources._replace(fixes=False))
     found = kinematic.solve(series, model)
     tables, tallies, reasons, observable = [], {}, {}, {}
-    flights = [("kinematic", found.flight, found.problem, found.solution, not any(model.sources))]
+    depth_alone = not (model.sources.speed or model.sources.fixes)
+    flights = [("kinematic", found.flight, found.problem, found.solution, depth_alone)]
+    scales: dict[str, Scale | None] = {"kinematic": found.scale}
     if prepared.adjusted is not None and prepared.body is not None:
         inputs, missing = forcing(records, prepared.vehicle, mission, prepared.body)
         if inputs is not None:
@@ -64,15 +68,16 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
             by_force = force.solve(
                 found.series, inputs, prepared.adjusted, start, speed=model.sources.speed, solver=model.solve
             )
-            flights.append(("force", *by_force, False))
+            flights.append(("force", by_force.flight, by_force.problem, by_force.solution, False))
+            scales["force"] = by_force.scale
     steady = ~(series.manoeuvre | series.surfaced)
-    for method, flight, problem, solution, depth_alone in flights:
+    for method, flight, problem, solution, by_depth in flights:
         reason = verdict(
             series,
             flight.state[0],
             flight.std[0],
             flight.steady,
-            depth_alone=depth_alone,
+            depth_alone=by_depth,
             glide=method == "kinematic",
         )
         tables.append(_table(records, method, flight, reason))
@@ -99,6 +104,9 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
         shares,
         located,
         compatible.report,
+        {name: speed_scale(scale, mission.speed_sensor_scale_std) for name, scale in scales.items()}
+        if model.sources.speed and mission.speed_sensor_scale_std
+        else {},
         [*compatible.findings, *_left_out(series, found.outlying)],
     )
 

@@ -108,4 +108,5 @@ def _adjusted(
     if not driven:
         return None, reason
     craft = from_vehicle(vehicle, mission, body)
-    return adjust.adjust(driven, craft, paths, speed=mission.speed_sensor == "use"), ""
+    use, scale = mission.speed_sensor == "use", mission.speed_sensor_scale_std
+    return adjust.adjust(driven, craft, paths, speed=use, speed_scale=scale), ""

@@ -11,7 +11,8 @@ rows; Q_k is diagonal (`noise`) but for the covariance of one state, `driven`, w
 most two entries. Every y_kj may be NaN: no measurement, taken at its own instant.
 
 Considered parameters are unknown constants that the data are not allowed to change (Schmidt 1966): the estimate is
-carried together with its derivative with respect to each of them, which costs one more mean and no covariance.
+carried together with its derivative with respect to each of them, which costs one more mean and no covariance. The
+covariance plus the squares of these derivatives is that of the estimate's true error.
 """
 
 from __future__ import annotations

@@ -34,6 +34,7 @@ class Settings(NamedTuple):
     slip_time: float = 15.0  # s
     slip_time_manoeuvre: float = 10.0
     slip_time_powered: float = 3600.0  # net buoyancy and thrust last, and with them what they do to α
+    speed_scale: float = 0.005  # 1-sigma of the scale error of a speed sensor that is used
     fix_noise: float = 5.0  # m
     position_drift: float = 0.05  # m2/s, dead reckoning below the surface
     surface_drift: float = 4.0  # m2/s, at the surface

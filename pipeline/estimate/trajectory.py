@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -23,8 +24,10 @@ from pipeline.estimate.linearise import (
     linearise,
 )
 from pipeline.estimate.problem import Problem, Solution
+from pipeline.estimate.sensors import around, scale_of
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
+from pipeline.estimate.told import Told
 from pipeline.model.closure import glide_angle, glide_angles
 from pipeline.vehicle import Polar
 
@@ -38,7 +41,7 @@ class Flight(NamedTuple):
 
     state: np.ndarray  # (6, m)
     std: np.ndarray  # (6, m): all that is not known, the considered parameters included
-    by: np.ndarray  # (c, m): change of V per 1-sigma of each considered parameter
+    by: np.ndarray  # (c, m): change of V per 1-sigma of each considered parameter, as far as it is still open
     steady: np.ndarray  # (m,): steep enough for a glide
 
 
@@ -79,14 +82,27 @@ def iterate(
         speed = np.clip(speed, SLOWEST, FASTEST)
         change = float(np.max(np.abs(speed - at.speed)))
         pitch, slip = np.clip(mean[:, PITCH], -STEEPEST, STEEPEST), np.clip(mean[:, SLIP], -SLIPPED, SLIPPED)
-        at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0))
+        scale = 0.0
+        if sources.speed and settings.speed_scale > 0.0:
+            scale = around(scale_of(mean[:, -1], at.speed, at.scale), np.isfinite(series.speed))
+        at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0), scale)
         if change < 1e-7:
             break
     return at, solution
 
 
-def flight(series: Series, polar: Polar, solution: Solution, considered: Considered) -> Flight:
-    """Return the flight that smoothed states describe, with what the states and the borrowed leave open."""
+def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:
+    """Return the flight that smoothed states describe, with what the states and the borrowed leave open.
+
+    Parameters
+    ----------
+    series
+        Flags, m instants.
+    polar, solution, considered
+        What was solved, and for what.
+    told
+        What is known of the borrowed.
+    """
     m, n, columns = solution.mean.shape
     state, std = np.empty((6, m)), np.empty((6, m))
     by, steady = np.empty((columns - 1, m)), np.empty(m, dtype=np.bool_)
@@ -94,6 +110,7 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
     _describe(
         polar,
         considered.polars,
+        told,
         series.powered,
         cruising,
         solution.mean,
@@ -110,6 +127,7 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
 def _describe(
     polar: Polar,
     moved: np.ndarray,
+    told: Told,
     powered: np.ndarray,
     cruising: np.ndarray,
     mean: np.ndarray,
@@ -121,7 +139,7 @@ def _describe(
 ) -> None:
     """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
     m, _, columns = mean.shape
-    change = np.empty(6)
+    change = np.empty((6, columns - 1))
     for k in range(m):
         x, P = mean[k], covariance[k]
         source = CRUISE if cruising[k] else SPEED
@@ -138,15 +156,21 @@ def _describe(
         std[0, k], std[1, k], std[2, k] = P[source, source], P[PITCH, PITCH], var_alpha
         std[3, k] = P[PITCH, PITCH] + var_alpha - 2.0 * across
         std[4, k], std[5, k] = P[WATER, WATER], P[DEPTH, DEPTH]
-        for q in range(1, columns):
+        for q in range(columns - 1):
             direct = 0.0
-            if q > 1 and not powered[k]:
-                direct = change_of_glide(moved[q - 2], speed, x[PITCH, 0], glide)
-            change[0], change[1] = x[source, q], x[PITCH, q]
-            change[2] = a * x[source, q] + b * x[PITCH, q] + x[SLIP, q] + direct
-            change[3], change[4], change[5] = change[1] - change[2], x[WATER, q], x[DEPTH, q]
-            by[q - 1, k] = change[0]
-            for i in range(6):
-                std[i, k] += change[i] ** 2
+            if q > 0 and not powered[k]:
+                direct = change_of_glide(moved[q - 1], speed, x[PITCH, 0], glide)
+            change[0, q], change[1, q] = x[source, 1 + q], x[PITCH, 1 + q]
+            change[2, q] = a * x[source, 1 + q] + b * x[PITCH, 1 + q] + x[SLIP, 1 + q] + direct
+            change[3, q], change[4, q] = change[1, q] - change[2, q], x[WATER, 1 + q]
+            change[5, q] = x[DEPTH, 1 + q]
+            by[q, k] = change[0, q] * math.sqrt(told.covariance[q, q])
+        for i in range(6):
+            for q in range(columns - 1):
+                with_others = 0.0
+                for r in range(columns - 1):
+                    with_others += told.covariance[q, r] * change[i, r]
+                std[i, k] += change[i, q] * with_others
+                state[i, k] += change[i, q] * told.value[q]
         for i in range(6):
             std[i, k] = np.sqrt(max(std[i, k], 0.0))

@@ -13,6 +13,7 @@ QUANTITIES: dict[str, tuple[str, float, str, int]] = {
     "pressure_lag": ("lag of the pressure sensor", 1.0, "s", 1),
     "pitch_bias": ("bias of pitch", 180.0 / math.pi, "°", 2),
     "pitch_scale": ("scale of pitch, true over logged", 1.0, "", 3),
+    "speed_scale": ("scale error of the speed sensor", 100.0, "%", 2),
 }
 #: Factor from SI to the unit in which an instrument's outliers are shown, and the unit.
 INSTRUMENTS = {"depth": (1.0, "m"), "pitch": (180.0 / math.pi, "°"), "speed": (100.0, "cm/s")}
@@ -24,7 +25,8 @@ def compatibility(estimate: Mapping[str, Any], *, sensor_used: bool) -> dict[str
     Parameters
     ----------
     estimate
-        The report of stage 2; its ``compatibility`` is used, which may be missing or empty.
+        The report of stage 2; its ``compatibility`` is used, which may be missing or empty, and with it the scale of
+        a speed sensor that was used, by the kinematic method.
     sensor_used
         Whether the speed sensor was looked at.
 
@@ -34,7 +36,9 @@ def compatibility(estimate: Mapping[str, Any], *, sensor_used: bool) -> dict[str
         ``sentence``, ``applied``, ``quantities`` (a row each, with ``verdict`` and ``reason``), ``outliers`` (a row an
         instrument) and ``undetermined`` (reason, and the quantities that it keeps unknown).
     """
-    found: Mapping[str, Any] = estimate.get("compatibility") or {}
+    found = dict(estimate.get("compatibility") or {})
+    if scale := (estimate.get("speed_scale") or {}).get("kinematic"):
+        found["speed_scale"] = scale
     rows = [_quantity(name, found[name]) for name in QUANTITIES if name in found]
     outliers = [row for row in _outliers(found.get("outliers") or {}) if sensor_used or row["instrument"] != "speed"]
     applied = [row["quantity"] for row in rows if row["applied"]]
@@ -56,7 +60,7 @@ def _quantity(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return one row of the table, in the unit shown."""
     meaning, factor, unit, digits = QUANTITIES[name]
     value, std = (math.nan if entry.get(key) is None else factor * float(entry[key]) for key in ("value", "std"))
-    if not math.isfinite(value):
+    if not math.isfinite(value) or not entry.get("determined", True):
         verdict = "not determined"
     elif not entry["significant"]:
         verdict = "not significant"
@@ -114,6 +118,8 @@ def _words(row: Mapping[str, Any]) -> str:
         return f"depth bends {size} {'before' if row['value'] > 0.0 else 'after'} the pitch does"
     if row["name"] == "pressure_offset":
         return f"pressure at the surface is {size} too {'great' if row['value'] > 0.0 else 'small'}"
+    if row["name"] == "speed_scale":
+        return f"the speed sensor reads {size} too {'much' if row['value'] > 0.0 else 'little'}"
     if row["name"] == "pitch_scale":
         return f"pitch is {size} times what is logged"
     return f"pitch is {size} too {'low' if row['value'] > 0.0 else 'high'}"

@@ -88,10 +88,13 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
             f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, "
             f"its drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to {told} by the "
             f"filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were "
-            f"considered (Schmidt, 1966)."
+            f"{'adjusted, too' if sensor_used else 'considered (Schmidt, 1966)'}."
         )
     if sensor_used:
-        text += " The speed sensor entered the estimate."
+        text += (
+            f" The speed sensor entered the estimates, its scale error, {100 * mission.speed_sensor_scale_std:g} % "
+            f"before the mission, estimated with the speed."
+        )
     text += (
         f" Steady flight was cut into blocks of {mission.block_s:g} s (at least {mission.minimum_block_s:g} s). Steady "
         f"states were computed from Niu et al. (2017), with the errata of their equations corrected, for the vehicle "

@@ -325,8 +325,8 @@ def test_filterpy_solves_the_same_problem_to_1e9() -> None:
     at = force.path(flown, np.full(60, 0.45), pitch)
     columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0])[:, [0, 1, 2, 5]]
     adjusted = Adjusted(craft, STEADY, columns, {})
-    ours, _, solution = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
-    theirs, _, other = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
+    ours, _, solution, _ = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
+    theirs, _, other, _ = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
     np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(theirs.std, ours.std, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(other.covariance, solution.covariance, rtol=1e-8, atol=1e-10)

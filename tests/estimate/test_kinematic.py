@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 import pytest
+from dives import fly
 from truth import Trial
 
 from pipeline.estimate import stage
@@ -148,6 +149,39 @@ def test_a_held_out_speed_sensor_is_compared_but_not_used(trial: Callable[[str],
     assert used.estimates["speed"].median() > 0.9
 
 
+def test_speed_at_25_degrees_is_known_to_2_cm_s_in_a_dive_of_an_hour() -> None:
+    """The mean over three missions: σ of w_w, which each finds for itself, makes the difference between them."""
+    missions = [fly(seed, dives=((25.0, 3.0, 330.0),), every=4) for seed in range(3)]
+    found = [estimate(flown.records, flown.vehicle, flown.mission).estimates for flown in missions]
+    steady = [(flown.records["block"] >= 0).to_numpy() for flown in missions]
+    assert np.mean([table["speed_std"][where].mean() for table, where in zip(found, steady, strict=True)]) < 0.02
+    for flown, table, where in zip(missions, found, steady, strict=True):
+        assert np.sqrt(np.mean((table["speed"] - flown.truth["speed"])[where] ** 2)) < 0.02
+        assert 3000.0 < (flown.truth["time"].iloc[-1] - flown.truth["time"].iloc[0]).total_seconds() < 4200.0
+
+
+def test_a_speed_sensor_alone_in_level_flight_is_known_no_better_than_its_scale(trial: Callable[[str], Trial]) -> None:
+    case = trial(LEVEL)
+    level = (case.records["block"].to_numpy() >= 0) & (np.abs(np.degrees(case.true("pitch")) - 3.5) < 0.5)
+    first = int(np.argmax(level))
+    part = slice(first, first + int(np.argmin(level[first:])))
+    truth = case.true("speed")[part]
+    rng = np.random.default_rng(3)
+    sensor = case.records.iloc[part].assign(
+        speed_through_water=0.96 * truth + 0.01 * rng.standard_normal(truth.size),
+        speed_through_water_std=0.01,
+        speed_through_water_qc=np.int8(1),
+    )
+    settings = {"speed_sensor": "use", "speed_sensor_scale_std": 0.05}
+    found = estimate(sensor.reset_index(drop=True), case.vehicle, case.mission.model_copy(update=settings))
+    error, std = found.estimates["speed"] - truth, found.estimates["speed_std"]
+    assert (std > 0.045 * truth).all()
+    assert (np.abs(error) < 1.96 * std).all()
+    entry = found.report["speed_scale"]["kinematic"]
+    assert not entry["determined"]
+    assert entry["std"] == pytest.approx(0.05, rel=0.1)
+
+
 def test_a_speed_sensor_of_1_cm_s_gives_speed_to_4_mm_s(trial: Callable[[str], Trial]) -> None:
     case = trial(GLIDING)
     truth = case.true("speed")
@@ -160,6 +194,7 @@ def test_a_speed_sensor_of_1_cm_s_gives_speed_to_4_mm_s(trial: Callable[[str], T
     found = estimate(sensor, case.vehicle, case.mission.model_copy(update={"speed_sensor": "use"})).estimates
     steady = case.records["block"].to_numpy() >= 0
     assert np.sqrt(np.mean((found["speed"] - truth)[steady] ** 2)) < 0.004
+    assert found["speed_std"][steady].mean() < 0.004
 
 
 @pytest.mark.parametrize(
