@@ -133,6 +133,7 @@ BLOCKS = (
     Column("net_buoyancy_std", "N", "1-sigma of net_buoyancy"),
     Column("buoyancy_by_compression", "N Pa", "change of net_buoyancy per compressibility of the hull"),
     Column("buoyancy_by_expansion", "N K", "change of net_buoyancy per thermal expansion of the hull"),
+    Column("buoyancy_by_lag", "N/s", "change of net_buoyancy per time constant of the hull's temperature"),
     Column("propeller_speed", "rev/s", "mean propeller speed"),
     Column("propeller_speed_std", "rev/s", "1-sigma of propeller_speed"),
     Column("battery_position", "m", "mean battery position, forward positive"),

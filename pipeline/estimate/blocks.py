@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.ballast import Hull
+from pipeline.estimate.forcing import lagged
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
-from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
+from pipeline.model.forces import HULL_TIME_BEFORE, PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import BLOCKS, conform, seconds, usable
 from pipeline.vehicle import Vehicle
 
@@ -52,6 +53,7 @@ def means(
     latitude = float(records["latitude"].dropna().median())
     gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
+    lag = _lag(time, records["temperature"].to_numpy())
     rows: list[dict[str, Any]] = []
     records, estimates = records[_READ], estimates[_ESTIMATED]
     for block, first, count in zip(*np.unique(number, return_index=True, return_counts=True), strict=True):
@@ -75,7 +77,7 @@ def means(
         row |= _water(part)
         row |= _sensor(part)
         row |= _settings(part, rotation[inside], row["powered"])
-        row |= _buoyancy(part, engine[inside], body, vehicle, gravity)
+        row |= _buoyancy(part, engine[inside], float(lag[inside].mean()), body, vehicle, gravity)
         level = row["powered"] and abs(row["pitch"]) < LEVEL
         row["direction"] = 0 if level or np.isnan(row["depth_rate"]) else int(-np.sign(row["depth_rate"]))
         rows.append(row)
@@ -153,9 +155,17 @@ def _settings(part: pd.DataFrame, rotation: np.ndarray, driven: bool) -> dict[st
 
 
 def _buoyancy(
-    part: pd.DataFrame, engine: np.ndarray, body: Hull | None, vehicle: Vehicle, gravity: float
+    part: pd.DataFrame,
+    engine: np.ndarray,
+    lag: float,
+    body: Hull | None,
+    vehicle: Vehicle,
+    gravity: float,
 ) -> dict[str, float]:
-    """Return net buoyancy at the block's mean density, pressure and temperature."""
+    """Return net buoyancy at the block's mean density, pressure and temperature, the hull as warm as the water.
+
+    What a `lag` of the hull's temperature, K per s of its time constant, would change is said beside it.
+    """
     nothing = {"net_buoyancy": np.nan, "net_buoyancy_std": np.nan}
     if body is None:
         return nothing
@@ -189,4 +199,14 @@ def _buoyancy(
         "net_buoyancy_std": std,
         "buoyancy_by_compression": by_squeeze,
         "buoyancy_by_expansion": by_expand,
+        "buoyancy_by_lag": displaced * vehicle["thermal_expansion"] * lag,
     }
+
+
+def _lag(time: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+    """Return by how much a hull that lags by `HULL_TIME_BEFORE` is warmer than the water, per s of that, shape (m,)."""
+    known = np.isfinite(temperature)
+    if not known.any():
+        return np.zeros(time.size)
+    whole = np.interp(time, time[known], temperature[known])
+    return np.asarray((lagged(time, whole, HULL_TIME_BEFORE) - whole) / HULL_TIME_BEFORE)

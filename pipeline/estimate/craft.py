@@ -12,7 +12,7 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.settings import Settings
 from pipeline.mission import Mission
-from pipeline.model.forces import propeller_of
+from pipeline.model.forces import HULL_TIME_BEFORE, HULL_TIME_STD, propeller_of
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 #: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
@@ -31,8 +31,6 @@ PARAMETERS = (
 BIAS, BUOYANCY, EXPANSION, THRUST, HULL_TIME = (
     PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "thrust", "hull_time")
 )
-#: s, the time in which a hull takes on the temperature of the water, before the mission; and its 1-sigma.
-HULL_TIME_BEFORE, HULL_TIME_STD = 150.0, 150.0
 #: Mass along the nose over mass, where added mass is not known.
 ADDED = 1.1
 

@@ -19,6 +19,8 @@ NO_PROPELLER = Propeller(0.0, 0.0, 0.0)
 
 GRAVITY = 9.81
 PASCAL_PER_DBAR = 1e4
+#: s, the time in which a hull takes on the temperature of the water, where nothing is known of it; and its 1-sigma.
+HULL_TIME_BEFORE, HULL_TIME_STD = 150.0, 150.0
 
 
 def propeller_of(vehicle: Vehicle) -> Propeller:

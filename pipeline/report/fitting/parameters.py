@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.model.forces import GRAVITY
+from pipeline.model.forces import GRAVITY, HULL_TIME_BEFORE, HULL_TIME_STD
 from pipeline.report.fitting.points import Array, Points
 from pipeline.vehicle import Vehicle
 
@@ -53,6 +53,14 @@ CORRECTIONS: dict[str, Correction] = {
     ),
     "thermal_expansion": Correction(
         "Δα_T", "1/K", "thermal expansion of the hull", "net_buoyancy", lambda p: p.by_expansion, 1e-5
+    ),
+    "hull_time": Correction(
+        "τ_h",
+        "s",
+        "time in which the hull takes on the water's temperature",
+        "net_buoyancy",
+        lambda p: p.by_lag,
+        100.0,
     ),
     "drag_drift": Correction(
         "dK_D0/dt", "kg/m/day", "drag that grows in time, biofouling", "parasite_drag", lambda p: p.days, 0.1
@@ -136,6 +144,8 @@ def prior_stds(vehicle: Vehicle, points: Points, ballast_std: float, pitch_std: 
     for name, felt in (("compressibility", points.by_compression), ("thermal_expansion", points.by_expansion)):
         if not np.any(felt):
             del out[name]
+    if np.any(points.by_lag):
+        out["hull_time"] = math.hypot(HULL_TIME_BEFORE, HULL_TIME_STD)  # blocks have a hull as warm as the water
     static = vehicle["thrust_static"]
     if points.powered.any() and math.isfinite(static) and static:
         out["thrust_scale"] = abs(vehicle.std("thrust_static") / static)

@@ -39,8 +39,9 @@ class Points:
         Bounds, s since 1970; middle since the first block of the mission, days.
     powered, propeller_speed
         Whether the propeller turns; rev/s, 0 where it does not.
-    net_buoyancy, by_compression, by_expansion
-        G, N; its change per compressibility, N Pa, and per thermal expansion, N K (0 where unknown).
+    net_buoyancy, by_compression, by_expansion, by_lag
+        G, N; its change per compressibility, N Pa, per thermal expansion, N K, and per time constant of the hull's
+        temperature, N/s (0 where unknown).
     pitch, heading, roll, density, depth, battery_position, battery_position_std
         rad, rad, rad, kg/m³, m, m, m.
     depth_rate, depth_rate_std, sensor_speed, sensor_speed_std
@@ -62,6 +63,7 @@ class Points:
     net_buoyancy: Array
     by_compression: Array
     by_expansion: Array
+    by_lag: Array
     pitch: Array
     heading: Array
     roll: Array
@@ -98,6 +100,7 @@ class Points:
             net_buoyancy=floats(table, "net_buoyancy"),
             by_compression=np.nan_to_num(floats(table, "buoyancy_by_compression")),
             by_expansion=np.nan_to_num(floats(table, "buoyancy_by_expansion")),
+            by_lag=np.nan_to_num(floats(table, "buoyancy_by_lag")),
             pitch=floats(table, "pitch"),
             heading=floats(table, "heading"),
             roll=floats(table, "roll"),

@@ -28,6 +28,7 @@ CANDIDATES = (
     "thrust_scale",
     "compressibility",
     "thermal_expansion",
+    "hull_time",
     "pitch",
     "drag_drift",
     "lift_slope",
@@ -126,8 +127,9 @@ def fitted(problem: Problem) -> Solution | None:
 def choose(problem: Problem, candidates: Sequence[str] = CANDIDATES) -> Choice | None:
     """Return the free set that the data can tell, beginning with that of `problem`, which is not refused.
 
-    In each round the candidate goes in that lowers Schwarz's criterion most, if it does by `EVIDENCE` and neither
-    condition index nor a correlation says that it cannot be told apart from what is free already.
+    In each round the candidate goes in that lowers Schwarz's criterion most, if it does by `EVIDENCE`, is told better
+    than it was known before, and neither condition index nor a correlation says that it cannot be told apart from
+    what is free already. Where the residuals scatter more than was assumed, the criterion is taken with their scatter.
 
     Returns
     -------
@@ -187,13 +189,19 @@ def _trial(problem: Problem, base: Solution, name: str) -> tuple[dict[str, Any],
     solution = solve(larger, weights=base.weights, start=start)
     if solution is None or not solution.converged:
         return account | {"why": "does not converge"}, larger, None
-    account["delta_bic"] = solution.bic(larger.free) - base.bic(problem.free)
+    excess = max(1.0, base.chi_square / max(problem.size - problem.free, 1))
+    gain = (base.chi_square + base.penalty - solution.chi_square - solution.penalty) / excess
+    account["delta_bic"] = math.log(problem.size) - gain
+    std = math.sqrt(excess * solution.covariance[problem.free, problem.free])
+    prior = problem.priors.get(name, math.nan)
     with_others = correlation(solution.covariance[: larger.free, : larger.free])[-1, :-1]
     worst = int(np.argmax(np.abs(with_others)))
     account["correlation"] = float(with_others[worst])
     account["correlated_with"] = problem.model.correction(free[worst]).symbol
     if account["delta_bic"] > -EVIDENCE:
         account["why"] = f"not needed: Schwarz's criterion changes by {account['delta_bic']:+.1f}"
+    elif std > prior:
+        account["why"] = f"told less well, ±{std:.2g} {item.unit}, than it was known before, ±{prior:.2g}"
     elif abs(account["correlation"]) > CORRELATION:
         apart = experiment((*free, name), problem.points)
         account["why"] = (
