@@ -336,20 +336,3 @@ def _killed(course: _Course) -> InputError:
         expected="it to end by itself",
         remedy="perhaps memory ran out: set 'dives' in mission.yaml, or use a larger machine",
     )
-
-
-def write_index(processed: Path, reports: Path) -> Path:
-    """Write reports/index.html anew if a summary has changed, and return its path."""
-    path = reports / "index.html"
-    found = {file.parent.name: file for file in sorted(reports.glob("*/summary.json"))}
-    described = provenance.key("report", provenance.digests(found), {})
-    recorded = processed / provenance.FILE
-    content: dict[str, Any] = {}
-    with suppress(OSError, ValueError):
-        content = store.read_json(recorded)
-    if not provenance.is_current(content.get("index"), described, lambda name: reports / name):
-        from pipeline.report import index
-
-        store.write_text(path, index([store.read_json(file) for file in found.values()]))
-        store.write_json(recorded, {"index": {**described, "outputs": {path.name: store.digest(path)}}})
-    return path

@@ -73,7 +73,7 @@ def run(
     engine: Engine = "numba",
 ) -> None:
     """From logs to reports, for every mission that has changed."""
-    from pipeline import campaign, store
+    from pipeline import campaign, index, store
     from pipeline.roster import plan
 
     if scheduler is not None:
@@ -90,7 +90,7 @@ def run(
             campaign.mark(reports / outcome.name, outcome.name, outcome.error)
     with _workers(planned.jobs, jobs, scheduler) as workers:
         outcomes = campaign.run(planned.jobs, workers, force=force, tell=_tell)
-    page = campaign.write_index(processed, reports)
+    page = index.write(processed, reports)
     failed = [*planned.failed, *(outcome for outcome in outcomes if outcome.error)]
     done = len(outcomes) + len(planned.failed) - len(failed)
     print(f"{done} done, {len(failed)} failed: {page}")
@@ -363,7 +363,7 @@ def _stage(
     engine: Literal["numba", "filterpy"] = "numba",
 ) -> None:
     """Run one stage of one mission here, and print how it ended."""
-    from pipeline import campaign
+    from pipeline import campaign, index
     from pipeline.findings import InputError
     from pipeline.mission import FILE
     from pipeline.roster import plan
@@ -376,7 +376,7 @@ def _stage(
     _writable(processed, reports)
     outcomes = planned.failed or [campaign.run_stage(planned.jobs[0], stage, force=force)]
     if stage == "report" and planned.jobs:
-        campaign.write_index(processed, reports)
+        index.write(processed, reports)
     _tell(outcomes[0])
     if outcomes[0].error:
         raise typer.Exit(WRONG if planned.failed else SOME_FAILED)

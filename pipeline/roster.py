@@ -154,7 +154,7 @@ def _nothing_in(folder: Path) -> InputError:
 def _name(mission: Mission) -> str:
     """Return the name under which results are filed, if it can be one of a folder."""
     name = mission.slug
-    if name.startswith(".") or "/" in name or "\\" in name or name in ("index.html", "provenance.json"):
+    if name.startswith(".") or "/" in name or "\\" in name or name == "provenance.json" or name.startswith("index."):
         raise InputError(
             f"{mission.folder.name}/{missions.FILE}", "name", found=f"'{name}'", expected="a folder's name"
         )

@@ -17,10 +17,11 @@ from typing import Any
 
 import pytest
 
-from pipeline import campaign, provenance, store
+from pipeline import campaign, index, provenance, store
 from pipeline.campaign import UNREAD
 from pipeline.findings import InputError
 from pipeline.mission import Mission, load
+from pipeline.report import Index
 from pipeline.report.figures import files
 from pipeline.roster import OUTPUTS, REPORTED, STAGES, Job, Outcome, plan, resolve_vehicle
 from pipeline.workers import Workers, local
@@ -65,7 +66,7 @@ def called(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
         return run
 
     monkeypatch.setattr(campaign, "_RUN", {stage: fake(stage) for stage in STAGES})
-    monkeypatch.setattr("pipeline.report.index", lambda summaries: json.dumps(summaries))
+    monkeypatch.setattr("pipeline.report.index", lambda summaries: Index({"missions": []}, json.dumps(summaries)))
     return calls
 
 
@@ -73,7 +74,7 @@ def run(root: Path, *, force: bool = False, workers: Workers | None = None) -> d
     planned = plan(root / "raw", root / "processed", root / "reports")
     with workers or Workers(lambda: ThreadPoolExecutor(1), 1) as pool:
         outcomes = campaign.run(planned.jobs, pool, force=force)
-    campaign.write_index(root / "processed", root / "reports")
+    index.write(root / "processed", root / "reports")
     return {outcome.name: outcome for outcome in outcomes}
 
 
@@ -193,8 +194,8 @@ class TestWhatAFailureCosts:
         self.failing(monkeypatch, "estimate", "b", InputError("log.csv", "row 2", found="no pitch"))
         outcomes = run(tmp_path)
         assert [outcome.error for outcome in outcomes.values()] == ["", "log.csv: row 2: found no pitch", ""]
-        index = json.loads((tmp_path / "reports" / "index.html").read_text())
-        assert index[1] == {"mission": "b", "error": "log.csv: row 2: found no pitch"}
+        written = json.loads((tmp_path / "reports" / "index.html").read_text())
+        assert written[1] == {"mission": "b", "error": "log.csv: row 2: found no pitch"}
 
     def test_results_that_are_no_longer_true_are_removed_and_come_back(
         self, tmp_path: Path, called: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
@@ -305,7 +306,7 @@ class TestWhatAMissionIs:
             "not analysed; the smallest useful one is 'vehicle: slocum-g2'"
         ]
 
-    @pytest.mark.parametrize("name", ["../a", ".a", "a/b", "index.html"])
+    @pytest.mark.parametrize("name", ["../a", ".a", "a/b", "index.html", "index.json"])
     def test_a_name_that_would_leave_the_folder_of_results_is_refused(self, tmp_path: Path, name: str) -> None:
         bare_mission(tmp_path / "raw" / "a", f"name: '{name}'\n")
         planned = plan(tmp_path / "raw", tmp_path, tmp_path)
@@ -347,7 +348,8 @@ class TestRealStages:
         expected = {f"processed/{m}/{name}" for m in "ab" for s in STAGES[:3] for name in OUTPUTS[s]}
         expected |= {f"reports/{m}/{name}" for m in "ab" for name in set(REPORTED) - set(files.NAMES)}
         expected |= {f"processed/{m}/{name}" for m in "ab" for name in set(OUTPUTS["report"]) - set(REPORTED)}
-        expected |= {f"processed/{place}provenance.json" for place in ("a/", "b/", "")} | {"reports/index.html"}
+        expected |= {f"processed/{place}provenance.json" for place in ("a/", "b/", "")}
+        expected |= {f"reports/{name}" for name in index.OUTPUTS}
         found = {name for name in contents(undisturbed) if "/figures/" not in name}
         assert found == {name for name in expected if not name.endswith("stored.parquet")}
 

@@ -261,9 +261,9 @@ class TestTables:
 def test_an_error_nobody_foresaw_is_one_line(tmp_path: Path) -> None:
     mission(tmp_path / "raw" / "a")
     code = (
-        "import sys; from pipeline import campaign, cli\n"
-        "def write_index(*folders): raise ZeroDivisionError('division\\nby zero')\n"
-        "campaign.write_index = write_index; sys.argv = ['seatrial', 'run']; cli.main()"
+        "import sys; from pipeline import cli, index\n"
+        "def write(*folders): raise ZeroDivisionError('division\\nby zero')\n"
+        "index.write = write; sys.argv = ['seatrial', 'run']; cli.main()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     line = done.stderr.splitlines()[-1]

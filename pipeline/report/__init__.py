@@ -85,14 +85,32 @@ def build(inputs: Inputs) -> Report:
     return Report(summary, page.report(summary, pictures, live), pictures)
 
 
-def index(summaries: Sequence[Mapping[str, Any]]) -> str:
-    """Return the text of reports/index.html: one sortable table of the key numbers of every mission.
+class Index(NamedTuple):
+    """What is reported of a campaign.
+
+    Attributes
+    ----------
+    content
+        The content of index.json.
+    page
+        The text of index.html.
+    """
+
+    content: dict[str, Any]
+    page: str
+
+
+def index(summaries: Sequence[Mapping[str, Any]]) -> Index:
+    """Return what is reported of a campaign.
 
     Parameters
     ----------
     summaries
         The content of each summary.json; of a mission that failed, ``{"mission": name, "error": line}``.
     """
-    from pipeline.report import page
+    from pipeline.report import frontpage
+    from pipeline.report.figures.missions import draw
+    from pipeline.report.overview import overview
 
-    return page.index(summaries)
+    content = overview(summaries)
+    return Index(content, frontpage.render(content, draw(content)))

@@ -239,14 +239,14 @@ def _drift(value: Array, covariance: Array, years: Array, scale: float) -> dict[
     """Return whether the data tell a drift in time, how large it is, or why that cannot be said."""
     out: dict[str, Any] = {"supported": False, "delta_bic": math.nan, **_spread("", Spread(*[math.nan] * 4))}
     if value.size < LEAST_DRIFT:
-        return out | {"reason": f"cannot be said: {value.size} missions; at least {LEAST_DRIFT} are needed"}
+        return out | {"reason": f"a drift in time would take {LEAST_DRIFT} missions"}
     if float(np.ptp(years)) * YEAR < WEEK:
-        return out | {"reason": "cannot be said: the missions lie less than a week apart"}
+        return out | {"reason": "a drift in time would take missions more than a week apart"}
     change = evidence(value, covariance, years, scale)
     slope = pool(value, covariance, scale, time=years).drift
     assert slope is not None
     supported = change < -EVIDENCE and not slope.low <= 0.0 <= slope.high
-    words = "drifts" if supported else "no drift is told"
+    words = "it drifts in time" if supported else "no drift in time is told"
     return out | {
         "supported": supported,
         "delta_bic": change,
@@ -268,7 +268,7 @@ def _verdict(found: Mapping[str, Any], pooled: Pooled) -> str:
             words += f"; the vehicle differs from its file by {size} {found['unit']}"
         else:
             words += "; the vehicle is as in its file"
-    return words + (f"; it {found['drift']['reason']}" if found["drift"]["supported"] else "")
+    return words + (f"; {found['drift']['reason']}" if found["drift"]["supported"] else "")
 
 
 def _spread(prefix: str, spread: Spread) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,15 +79,6 @@ def report(
     )  # fmt: skip
 
 
-def index(summaries: Sequence[Mapping[str, Any]]) -> str:
-    """Return the text of index.html."""
-    done = [row for row in summaries if "error" not in row]
-    failed = [row for row in summaries if "error" in row]
-    return environment().get_template("index.html").render(
-        rows=[_index_row(row) for row in done], failed=failed, count=len(summaries)
-    )  # fmt: skip
-
-
 def environment() -> Environment:
     """Return the templates of the pages, with the filters that they use."""
     environment = Environment(
@@ -149,40 +140,5 @@ def _block_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def _index_row(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the key numbers of one mission."""
-    parts = [part for part in summary["parts"] if _known(part["measured_speed_m_s"])]
-    lead: Mapping[str, Any] = max(parts, key=lambda part: part["propeller_speed_rpm"], default={})
-    fitted = {item["name"]: item for item in summary["fit"]["parameters"]}
-    drag, ballast = fitted.get("parasite_drag", {}), fitted.get("net_buoyancy", {})
-    grave = [row for row in summary["findings"] if row.get("severity") in ("error", "warning")]
-    return {
-        "mission": summary["mission"],
-        "vehicle": summary["vehicle"]["name"],
-        "start": summary["data"]["start"][:10],
-        "hours": summary["data"]["duration_h"],
-        "dives": summary["data"]["dives"],
-        "blocks": summary["blocks"]["used"],
-        "observable": summary["observability"]["observable_percent"],
-        "part": lead.get("name", ""),
-        "measured": lead.get("measured_speed_m_s"),
-        "measured_std": lead.get("measured_speed_std_m_s"),
-        "held": lead.get("as_flown_speed_m_s"),
-        "error": _hundred(lead.get("error_m_s")),
-        "u_val": _hundred(lead.get("u_val_m_s")),
-        "significance": lead.get("significance"),
-        "drag": drag.get("percent"),
-        "drag_std": drag.get("percent_std"),
-        "ballast": ballast.get("value"),
-        "ballast_std": ballast.get("std"),
-        "findings": len(grave),
-        "sentence": summary["answer"]["sentence"],
-    }
-
-
 def _known(value: Any) -> bool:
     return isinstance(value, int | float) and math.isfinite(value)
-
-
-def _hundred(value: Any) -> float:
-    return 100.0 * value if _known(value) else math.nan

@@ -11,7 +11,7 @@ from synthetic import SETTINGS, blocks, inputs, level_blocks
 
 from pipeline import store
 from pipeline.mission import Mission, Nominal
-from pipeline.report import build, guide, index
+from pipeline.report import build, guide
 from pipeline.report.figures import NO_FIGURE
 from pipeline.report.page import MOST_ROWS, TEMPLATES, number, spread
 
@@ -198,25 +198,6 @@ def test_what_is_missing_gives_a_page_with_the_reason(petrel, unknown, case):
 def test_a_mission_of_many_blocks_is_still_a_small_page(petrel, mission):
     table = blocks(dives=60, each=4, sensor=True)
     assert len(build(inputs(mission, petrel, table)).page) < 5_000_000
-
-
-def test_index_lists_missions_sortable_and_the_failed_with_their_line(petrel, unknown, built):
-    empty = build(empties(petrel, unknown)["no steady block"][0])[0]
-    line = "bad/ctd.csv: found no column of pressure; expected one"
-    rows = [json.loads(json.dumps(store.plain(item))) for item in (built[0], empty)]
-    text = index([*rows, {"mission": "bad", "error": line}])
-    page = Page(text)
-    assert page.open == []
-    assert "2 of 3 missions analysed, 1 failed." in page.words
-    assert line in page.words
-    assert 'href="complete/report.html"' in text
-    assert text.count('aria-sort="none"') == text.count("<button") == 14
-    assert [item for item in page.loads if not item.startswith(("data:", "#"))] == []
-    assert text == index([*rows, {"mission": "bad", "error": line}])
-
-
-def test_index_of_nothing_says_what_to_do():
-    assert "put a folder of logs with a mission.yaml into raw/" in Page(index([])).words
 
 
 @pytest.mark.parametrize(
