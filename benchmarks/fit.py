@@ -28,10 +28,10 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.real import said
-from benchmarks.truth import MISSIONS, Real, estimated, read
+from benchmarks.estimator import said
+from benchmarks.truth import MISSIONS, Real, read
 from pipeline import vehicle as vehicles
-from pipeline.estimate import adjust, force
+from pipeline.estimate import adjust, force, preparation, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.craft import from_vehicle
@@ -121,13 +121,13 @@ def beside_gliderflight(data: Path, raw: Path) -> list[bool]:
         print("gliderflight: not installed, and no folder of it in $GLIDERFLIGHT: skipped")
         return []
     real = read("comet", data, raw)
-    body = hull(real.mission, real.vehicle, real.constants, real.records)[0]
+    ballast = hull(real.mission, real.vehicle, real.constants, real.records)
+    body = ballast[0]
     if body is None:
         raise ValueError("comet: no mass")
-    found = estimated(real)
-    made, reason = solvable(
-        found.blocks, real.vehicle, settings=found.report["settings"], ballast_std=real.mission.ballast.std
-    )
+    prepared = preparation.prepare([real.records], real.vehicle, real.mission, ballast)
+    blocks = pd.concat([found.blocks for found in stage.solved([real.records], prepared)], ignore_index=True)
+    made, reason = solvable(blocks, real.vehicle, ballast_std=real.mission.ballast.std)
     if made is None:
         raise ValueError(reason)
     problem = made.freeing(FREE)

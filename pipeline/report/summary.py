@@ -16,6 +16,7 @@ from pipeline.report.answer import answer
 from pipeline.report.closures import closures
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
+from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Configuration
@@ -52,6 +53,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "configurations": [Configuration(item.name, *item.dives) for item in mission.configurations],
     }
     fitted = fit(blocks, inputs.vehicle, **known)
+    fitted["counterpart"] = counterpart(fitted, inputs.estimate.get("force") or {}, sensor_used=sensor_used)
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(
         inputs.stored,

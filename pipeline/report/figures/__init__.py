@@ -19,7 +19,9 @@ NO_FIGURE = {
     "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
     "agreement": "no block has both a measured and a predicted speed",
     "hypotheses": "the reasons were not ranked",
-    "corrections": "no correction was fitted",
+    "corrections": "no two corrections were fitted",
+    "profiles": "no correction was fitted",
+    "residuals": "no correction was fitted",
     "closure": "no fixes before and after flight on a recorded heading",
 }
 
@@ -43,6 +45,8 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     from pipeline.report.figures.curves import curves
     from pipeline.report.figures.flight import flight
     from pipeline.report.figures.hypotheses import hypotheses
+    from pipeline.report.figures.profiles import profiles
+    from pipeline.report.figures.residuals import residuals
     from pipeline.report.figures.water import water
 
     gps = _gps(summary["parts"])
@@ -56,6 +60,8 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
         "agreement": agreement(comparison),
         "hypotheses": hypotheses(summary["hypotheses"]),
         "corrections": corrections(summary["fit"]),
+        "profiles": profiles(summary["fit"]),
+        "residuals": residuals(summary["fit"]),
         "closure": closure(summary["closure"]),
     }
 

@@ -36,10 +36,10 @@ COLUMNS = (
 
 
 def corrections(fit: Mapping[str, Any]) -> Picture | None:
-    """Return the confidence ellipse of the two corrections with their prior, and residuals before and after."""
-    if fit["reason"] or len(fit["parameters"]) != 2:
+    """Return the confidence ellipse of the first two corrections with their prior, and residuals before and after."""
+    if fit["reason"] or len(fit["parameters"]) < 2:
         return None
-    first, second = fit["parameters"]
+    first, second = fit["parameters"][:2]
     residuals = fit["residuals"]
     time = np.asarray(residuals["time_s"], dtype=np.float64)
     unit = "days" if time[-1] - time[0] > 3 * 86400.0 else "hours"
@@ -47,7 +47,7 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
         figure = canvas(WIDTH, 4.2)
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.35))
         centre = np.array([first["value"], second["value"]])
-        covariance = np.asarray(fit["covariance"], dtype=np.float64)
+        covariance = np.asarray(fit["covariance"], dtype=np.float64)[:2, :2]
         for scale, alpha, label in ((2.4477, 0.15, "data alone, 95 %"), (1.5096, 0.3, "data alone, 68 %")):
             left.fill(*_ellipse(centre, covariance, scale), color=MEASURED, alpha=alpha, linewidth=0, label=label)
         left.plot(*centre, marker="o", color=MEASURED, linestyle="none")

@@ -139,6 +139,7 @@ def refused(
         "bootstrap": None,
         "profiles": [],
         "battery": None,
+        "lift_kept": {"percent": math.nan, "percent_std": math.nan},
         **sizes,
         "left_out_dives": dict.fromkeys(LEFT_OUT) | {"dives": sizes["dives"], "reason": reason},
     }

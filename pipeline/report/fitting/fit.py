@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.report.compare import floats
 from pipeline.report.fitting import battery
 from pipeline.report.fitting.account import account, inflation_of, outliers, refused, residuals
+from pipeline.report.fitting.counterpart import with_lift_kept
 from pipeline.report.fitting.heldout import left_out_dives
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import of_configurations, prior_stds
@@ -77,17 +77,16 @@ def fit(
     dict
         For summary.json: ``parameters`` (from the data alone, with prior, bootstrap and verdict), ``correlation``,
         ``condition_index``, ``chi_square``, ``selection`` (what was freed beside the first set, what was not, and
-        why), ``robust``, ``colour``, ``bootstrap``, ``profiles``, ``battery``, ``left_out_dives``, ``borrowed``,
-        ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit, and then no value either.
+        why), ``robust``, ``colour``, ``bootstrap``, ``profiles``, ``battery``, ``lift_kept``, ``left_out_dives``,
+        ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit, and then no value.
 
     Raises
     ------
     KeyError
         If there is no such correction as one of `free`.
     """
-    chosen, reason = select(blocks, vehicle)
+    points, reason = selected(blocks, vehicle, configurations)
     used = int(blocks["used"].sum()) if len(blocks) else 0
-    points = Points.of(chosen, vehicle, configurations)
     sizes: dict[str, Any] = {"blocks_steady": used, "blocks": points.size, "dives": int(np.unique(points.dive).size)}
     priors = prior_stds(vehicle, points, ballast_std, pitch_std)
     first = tuple(free) if free is not None else (*FREE, *of_configurations(points))
@@ -128,34 +127,42 @@ def solvable(
     ``problem.freeing(names)`` frees a set, `selection.refusal` says whether the data can carry it, `selection.fitted`
     solves it, and `heldout.left_out_dives` scores it.
     """
-    chosen, reason = select(blocks, vehicle)
+    points, reason = selected(blocks, vehicle, configurations)
     if reason:
         return None, reason
-    points = Points.of(chosen, vehicle, configurations)
     terms = (*measurements(points, settings, use_sensor, gps), *constraints)
     priors = prior_stds(vehicle, points, ballast_std, pitch_std)
     return Problem(Model(vehicle, points, ()), terms, priors, 0).freeing(()), ""
 
 
 def select(blocks: pd.DataFrame, vehicle: Vehicle) -> tuple[pd.DataFrame, str]:
-    """Return the blocks that theory can predict, in time order, and why there are none."""
-    used = blocks[blocks["used"].to_numpy(dtype=bool)].sort_values("start", kind="stable").reset_index(drop=True)
-    if used.empty:
-        return used, "no steady block"
-    present = np.ones(len(used), dtype=bool)
+    """Return the rows of `blocks` that theory can predict, in time order, and why there are none."""
+    points, reason = selected(blocks, vehicle)
+    used = blocks["used"].to_numpy(dtype=bool) & np.isin(blocks["block"].to_numpy(), points.block)
+    return blocks[used].sort_values("start", kind="stable").reset_index(drop=True), reason
+
+
+def selected(
+    blocks: pd.DataFrame, vehicle: Vehicle, configurations: Sequence[Configuration] = ()
+) -> tuple[Points, str]:
+    """Return the blocks that theory can predict, and why there are none."""
+    used = blocks["used"].to_numpy(dtype=bool)
+    points = Points.of(blocks if used.all() else blocks[used], vehicle, configurations)
+    if not points.size:
+        return points, "no steady block"
+    present = np.ones(points.size, dtype=bool)
     for name, words in {"depth_rate": "depth rate", "net_buoyancy": "net buoyancy", "pitch": "pitch"}.items():
-        finite = np.isfinite(floats(used, name))
+        finite = np.isfinite(getattr(points, name))
         if not finite.any():
-            return used[finite], f"no steady block with a {words}"
+            return points.only(finite), f"no steady block with a {words}"
         present &= finite
     unknown = [name for name in ("lift_slope", "parasite_drag", "induced_drag") if not math.isfinite(vehicle[name])]
     if unknown:
-        return used.iloc[:0], f"the vehicle file leaves {', '.join(unknown)} unknown"
-    used = used[present].reset_index(drop=True)
-    flies = np.isfinite(Model(vehicle, Points.of(used, vehicle), ()).fly(np.zeros(0)).speed)
-    if not flies.any():
-        return used[flies], "theory has no steady flight at the pitch and buoyancy of any block"
-    return used[flies].reset_index(drop=True), ""
+        return points.only(np.zeros(0, dtype=np.int64)), f"the vehicle file leaves {', '.join(unknown)} unknown"
+    present &= np.isfinite(Model(vehicle, points, ()).fly(np.zeros(0)).speed)
+    if not present.any():
+        return points.only(present), "theory has no steady flight at the pitch and buoyancy of any block"
+    return points if present.all() else points.only(present), ""
 
 
 def _asked(problem: Problem) -> Choice | None:
@@ -188,6 +195,7 @@ def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int) 
             for place, item in enumerate(result["parameters"])
         ],
         "battery": battery.trim(problem, alone, vehicle),
+        "lift_kept": with_lift_kept(problem, alone, inflation),
         "residuals": residuals(problem, alone),
         "left_out_dives": left_out_dives(problem),
     }

@@ -81,39 +81,36 @@ class Points:
     @classmethod
     def of(cls, blocks: pd.DataFrame, vehicle: Vehicle, configurations: Sequence[Configuration] = ()) -> Points:
         """Return the rows of `blocks`, table `records.BLOCKS`, in time order."""
-        table = blocks.sort_values("start", kind="stable")
-        start, end = seconds(table["start"]), seconds(table["end"])
-        dive = table["dive"].to_numpy(dtype=np.int64)
-        configuration = np.zeros(len(table), dtype=np.int64)
+        begin = seconds(blocks["start"])
+        order = np.argsort(begin, kind="stable")
+        start, end = begin[order], seconds(blocks["end"])[order]
+
+        def column(name: str) -> Array:
+            return floats(blocks, name)[order]
+
+        dive = blocks["dive"].to_numpy(dtype=np.int64)[order]
+        configuration = np.zeros(dive.size, dtype=np.int64)
         for number, item in enumerate(configurations):
             configuration[(dive >= item.first) & (dive <= item.last)] = number
         middle = 0.5 * (start + end)
+        plain = ("net_buoyancy", "pitch", "heading", "roll", "depth", "battery_position", "battery_position_std")
+        measured = ("depth_rate", "depth_rate_std", "sensor_speed", "sensor_speed_std")
         return cls(
-            block=table["block"].to_numpy(dtype=np.int64),
+            block=blocks["block"].to_numpy(dtype=np.int64)[order],
             dive=dive,
-            direction=table["direction"].to_numpy(dtype=np.int64),
+            direction=blocks["direction"].to_numpy(dtype=np.int64)[order],
             start=start,
             end=end,
-            days=(middle - middle[0]) / DAY if len(table) else middle,
-            powered=table["powered"].to_numpy(dtype=bool),
-            propeller_speed=np.nan_to_num(floats(table, "propeller_speed")),
-            net_buoyancy=floats(table, "net_buoyancy"),
-            by_compression=np.nan_to_num(floats(table, "buoyancy_by_compression")),
-            by_expansion=np.nan_to_num(floats(table, "buoyancy_by_expansion")),
-            by_lag=np.nan_to_num(floats(table, "buoyancy_by_lag")),
-            pitch=floats(table, "pitch"),
-            heading=floats(table, "heading"),
-            roll=floats(table, "roll"),
-            density=density_of(table, vehicle),
-            depth=floats(table, "depth"),
-            battery_position=floats(table, "battery_position"),
-            battery_position_std=floats(table, "battery_position_std"),
-            depth_rate=floats(table, "depth_rate"),
-            depth_rate_std=floats(table, "depth_rate_std"),
-            sensor_speed=floats(table, "sensor_speed"),
-            sensor_speed_std=floats(table, "sensor_speed_std"),
+            days=(middle - middle[0]) / DAY if dive.size else middle,
+            powered=blocks["powered"].to_numpy(dtype=bool)[order],
+            propeller_speed=np.nan_to_num(column("propeller_speed")),
+            by_compression=np.nan_to_num(column("buoyancy_by_compression")),
+            by_expansion=np.nan_to_num(column("buoyancy_by_expansion")),
+            by_lag=np.nan_to_num(column("buoyancy_by_lag")),
+            density=density_of(blocks, vehicle)[order],
             configuration=configuration,
             configurations=tuple(item.name for item in configurations),
+            **{name: column(name) for name in (*plain, *measured)},
         )
 
     @property

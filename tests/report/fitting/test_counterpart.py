@@ -1,0 +1,51 @@
+"""The two drags of a page: when they agree, and what is said when they do not."""
+
+import math
+
+import pytest
+from synthetic import SETTINGS, blocks
+
+from pipeline.report.fitting.counterpart import counterpart
+from pipeline.report.fitting.fit import fit
+
+
+def force(value: float, std: float) -> dict:
+    return {"parameters": {"parasite_drag": {"value": value, "std": std}}}
+
+
+@pytest.fixture(scope="module")
+def fitted(petrel):
+    return fit(blocks(dives=8, extra_drag=1.53), petrel, settings=SETTINGS, resamples=10)
+
+
+def test_values_within_their_1_sigma_agree(fitted):
+    row = fitted["parameters"][0]
+    found = counterpart(fitted, force(row["percent_with_prior"] / 100.0, 0.03), sensor_used=False)
+    assert found["agree"]
+    assert found["fit_percent"] == row["percent_with_prior"]
+    assert found["sentences"][1] == "The two agree within their 1σ; either may be taken."
+
+
+@pytest.mark.parametrize("sensor", [False, True])
+def test_values_apart_are_explained_by_what_is_borrowed(fitted, sensor):
+    found = counterpart(fitted, force(-0.3, 0.02), sensor_used=sensor)
+    assert not found["agree"]
+    assert "they borrow differently" in found["sentences"][1]
+    assert ("a speed sensor, or GPS fixes" in found["sentences"][2]) is not sensor
+    assert found["kept_percent"] == fitted["lift_kept"]["percent"]
+
+
+def test_with_lift_kept_the_drag_has_a_smaller_1_sigma(fitted, exact):
+    assert fitted["lift_kept"]["percent_std"] < fitted["parameters"][0]["percent_std"]
+    alone = fit(blocks(dives=8), exact, settings=SETTINGS, pitch_std=0.0, resamples=10)
+    assert alone["lift_kept"]["percent"] == pytest.approx(alone["parameters"][0]["percent"])
+
+
+def test_without_both_there_is_nothing_to_compare(fitted, exact):
+    nothing = counterpart(fitted, {}, sensor_used=False)
+    assert nothing["agree"] is None
+    assert nothing["sentences"] == []
+    refused = fit(blocks(dives=4).assign(used=False), exact, settings=SETTINGS)
+    assert counterpart(refused, force(0.1, 0.1), sensor_used=False)["sentences"] == []
+    other = fit(blocks(dives=4), exact, settings=SETTINGS, free=("net_buoyancy",), resamples=10)
+    assert math.isnan(other["lift_kept"]["percent"])
