@@ -30,13 +30,15 @@ SIGNIFICANT, SIGNIFICANT_TURN = 2.0, 3.0
 INDEPENDENT, CIRCULAR = "independent", "circular"
 
 
-def closures(inputs: Inputs) -> dict[str, Any]:
+def closures(inputs: Inputs, passages: Passages) -> dict[str, Any]:
     """Return what the fixes say of the speed of every model of a mission.
 
     Parameters
     ----------
     inputs
         What the earlier stages hand over.
+    passages
+        Between its fixes.
 
     Returns
     -------
@@ -45,7 +47,6 @@ def closures(inputs: Inputs) -> dict[str, Any]:
         ``models`` (one a model: ``beta``, ``beta_std``, ``turn_deg``, ``verdict``, ``label``, ...) and ``sentences``
         for what is significant.
     """
-    passages = of_mission(inputs)
     used = inputs.estimate.get("used") or {}
     rows, said = [], {}
     if not passages.reason:

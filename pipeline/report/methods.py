@@ -110,6 +110,11 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
             f" {names} were fitted to the mean depth rates of {fitted['blocks']} blocks by generalised least squares "
             f"with the covariance of measurement and moving water; collinearity was judged after Belsley et al. (1980)."
         )
+        if "displacements between fixes" in fitted["compared_with"]:
+            text += (
+                " Displacements between GPS fixes on several headings were fitted with them, the current being a "
+                "constant and a Gauss–Markov process."
+            )
     return text
 
 

@@ -13,11 +13,12 @@ from pipeline.records import TRIMS, seconds, timestamps
 from pipeline.report import averages, compare, corrected, methods, nominal, og1, stored
 from pipeline.report.adjustment import adjustment
 from pipeline.report.answer import answer
-from pipeline.report.closures import closures
+from pipeline.report.closures import closures, of_mission
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
+from pipeline.report.fitting.constraint import told_by
 from pipeline.report.fitting.counterpart import counterpart
-from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.fit import fit, solvable
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Configuration
 from pipeline.vehicle import KNOWN, Vehicle
@@ -52,7 +53,10 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "gps": gps,
         "configurations": [Configuration(item.name, *item.dives) for item in mission.configurations],
     }
-    fitted = fit(blocks, inputs.vehicle, **known)
+    passages = of_mission(inputs)
+    begin, _ = solvable(blocks, inputs.vehicle, **known)
+    told = () if begin is None or mission.gps == "ignore" or gps is not None else told_by(passages, begin.model)
+    fitted = fit(blocks, inputs.vehicle, constraints=told, **known)
     fitted["counterpart"] = counterpart(fitted, inputs.estimate.get("force") or {}, sensor_used=sensor_used)
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(
@@ -82,7 +86,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         },
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
-        "closure": closures(inputs),
+        "closure": closures(inputs, passages),
         "hypotheses": rank(blocks, inputs.vehicle, **known),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),

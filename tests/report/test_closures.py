@@ -13,7 +13,8 @@ from synthetic import blocks, inputs
 from pipeline.mission import Mission
 from pipeline.records import STORED, conform, seconds
 from pipeline.report import Inputs, page
-from pipeline.report.closures import closures
+from pipeline.report import closures as module
+from pipeline.report.closures import of_mission
 from pipeline.report.figures.closure import closure
 from pipeline.vehicle import Vehicle
 
@@ -26,6 +27,10 @@ def given(petrel: Vehicle) -> Inputs:
 @pytest.fixture(scope="module")
 def found(given: Inputs) -> dict[str, Any]:
     return closures(given)
+
+
+def closures(given: Inputs) -> dict[str, Any]:
+    return module.closures(given, of_mission(given))
 
 
 def of(found: dict[str, Any], model: str) -> dict[str, Any]:

@@ -129,6 +129,7 @@ def refused(
         "reduced_chi_square": math.nan,
         "bic": math.nan,
         "std_inflation": math.nan,
+        "depth_rate_scatter": math.nan,
         "compared_with": [],
         "borrowed": [],
         "contradictions": [],

@@ -125,6 +125,20 @@ class Displacements:
         return np.asarray(solve_triangular(self.root, values, lower=True)) if values.size else values
 
 
+def told_by(passages: Passages, model: Model) -> tuple[Displacements, ...]:
+    """Return the constraint on a theory, or nothing where the headings do not tell speed from current.
+
+    Parameters
+    ----------
+    passages
+        Between fixes.
+    model
+        The theory that the fit begins with, at its blocks.
+    """
+    made = Displacements.made(passages, model)
+    return (made,) if made.tells_speed else ()
+
+
 def _covariance(
     passages: Passages, used: NDArray[np.intp], velocity: NDArray[np.complex128], noise: Array, current: Current
 ) -> Array:

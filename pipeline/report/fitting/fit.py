@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from pipeline.report.fitting.selection import Choice, choose, condition_index, f
 from pipeline.report.fitting.terms import Constraint, measurements
 from pipeline.report.fitting.text import text
 from pipeline.report.fitting.uncertainty import RESAMPLES, bootstrap, colour, profile
+from pipeline.report.fitting.weighing import weighed
 from pipeline.vehicle import Vehicle
 
 #: What is fitted first; the drag of further sensor configurations joins it.
@@ -101,12 +103,12 @@ def fit(
         reason = f"{found} for {len(first)} corrections: at least {needed} are needed"
     if reason:
         return refused(problem.model, first, priors, sizes, reason, condition)
-    choice = choose(problem) if free is None else _asked(problem)
+    choice, scatter = _chosen(problem, asked=free is not None)
     both = None if choice is None else solve(choice.problem, prior_on_free=True, weights=choice.solution.weights)
     if choice is None or both is None or not both.converged:
         reason = "the fit does not converge: look at pitch and buoyancy of the blocks"
         return refused(problem.model, first, priors, sizes, reason, condition)
-    result = _finished(choice, both, vehicle, resamples) | sizes
+    result = _finished(choice, both, vehicle, resamples) | sizes | {"depth_rate_scatter": scatter}
     return result | {"text": text(result)}
 
 
@@ -165,10 +167,19 @@ def selected(
     return points if present.all() else points.only(present), ""
 
 
-def _asked(problem: Problem) -> Choice | None:
-    """Return the free set that was asked for, solved."""
-    solution = fitted(problem)
-    return None if solution is None else Choice(problem, solution, (), ())
+def _chosen(problem: Problem, *, asked: bool) -> tuple[Choice | None, float]:
+    """Return the free set, chosen or as `asked` for, solved, and how many times as much depth rates scatter as said.
+
+    The scatter is that about the first set while others are tried, and then that about the one chosen.
+    """
+    choice = None if asked else choose(weighed(problem)[0])
+    if choice is None and not asked:
+        return None, 1.0
+    alone = problem if choice is None else replace(choice.problem, terms=problem.terms)
+    final, scatter = weighed(alone)
+    solution = fitted(final)
+    accepted, rejected = ((), ()) if choice is None else (choice.accepted, choice.rejected)
+    return (None if solution is None else Choice(final, solution, accepted, rejected)), scatter
 
 
 def _count(terms: Sequence[Constraint], name: str) -> int:

@@ -101,6 +101,10 @@ class DepthRates:
         """Return the depth rates of other blocks in the same water."""
         return DepthRates.made(points, self.sigma, self.tau)
 
+    def widened(self, factor: float) -> DepthRates:
+        """Return the same depth rates in water that moves `factor` times as much."""
+        return DepthRates.made(self.points, self.sigma * factor, self.tau)
+
     def residual(self, flight: Flight) -> Array:
         """Return the whitened differences, shape (n,)."""
         return self.whiten(self.points.depth_rate - flight.depth_rate)

@@ -26,6 +26,8 @@ def _statistics(result: Mapping[str, Any]) -> list[str]:
         f"    Bayesian info crit   = {result['bic']:.5g}",
         f"    condition index      = {result['condition_index']:.3g}",
     ]
+    if result["depth_rate_scatter"] > 1.0:
+        lines.append(f"    depth rates scatter  = {result['depth_rate_scatter']:.3g} times as much as was assumed")
     if result["std_inflation"] > 1.0:
         lines.append(f"    1-sigma times        = {result['std_inflation']:.3g}  (scatter above what was assumed)")
     colour, robust = result["colour"], result["robust"]

@@ -101,10 +101,17 @@ def test_a_correction_far_beyond_its_prior_is_said_to_contradict_it(exact):
 
 def test_scatter_beyond_what_was_assumed_widens_the_interval(exact):
     table = blocks(dives=8, sigma_w=0.03)
-    result = solve(exact, table)
-    assert result["reduced_chi_square"] > 4.0
-    assert result["std_inflation"] == pytest.approx(math.sqrt(result["reduced_chi_square"]))
-    assert "1-sigma times" in result["text"]
+    result, told = solve(exact, table), solve(exact, table, settings={"sigma_w": 0.03, "tau_w": 300.0})
+    assert result["depth_rate_scatter"] == pytest.approx(3.0, rel=0.2)
+    assert result["reduced_chi_square"] == pytest.approx(1.0, abs=0.3)
+    assert "depth rates scatter" in result["text"]
+    for found, known in zip(result["parameters"], told["parameters"], strict=True):
+        assert found["value_with_prior"] == pytest.approx(known["value_with_prior"], abs=0.3 * known["std_with_prior"])
+        assert found["std"] == pytest.approx(known["std"], rel=0.25)
+
+
+def test_ordinary_scatter_is_left_as_it_is(exact):
+    assert solve(exact, blocks(dives=8))["depth_rate_scatter"] == 1.0
 
 
 def test_speeds_by_a_sensor_sharpen_the_fit_when_they_are_used(exact):
