@@ -9,7 +9,6 @@ over a step by the exponential of its own decay, which is stable whatever the st
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.trajectory import Flight
+from pipeline.estimate.trajectory import Flight, Solve
 from pipeline.model.forces import thrust
 from pipeline.vehicle import Polar, Propeller
 
@@ -362,7 +361,7 @@ def solve(
     at: Path,
     *,
     speed: bool,
-    solver: Callable[[Problem], Solution],
+    solver: Solve,
 ) -> Flown:
     """Return the flight by the force model.
 
@@ -382,7 +381,7 @@ def solve(
     nothing = np.empty((len(PARAMETERS), 0))
     for _ in range(ITERATIONS):
         problem, _ = linearise(series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=nothing)
-        new = smoothed(series, solver(problem).mean[:, :, 0], at)
+        new = smoothed(series, solver(problem, whole=False).mean[:, :, 0], at)
         change = float(np.max(np.abs(new.speed - at.speed)))
         at = new
         if change < 1e-5:

@@ -15,13 +15,15 @@ from pipeline.estimate.problem import Problem
 #: What an operation may lose of a variance to rounding is added to it, so that covariances stay positive.
 ROUNDING = 4.0 * 2.0**-52
 
-# In the kernels `size` and `links` are tuples as long as there are states and coupled rows: the compiler knows both
-# numbers and unrolls. Work arrays are parts of one, so that it knows that they do not overlap.
+# In the kernels `size` and `links` are as long as there are states and coupled rows. As tuples they tell the compiler
+# both numbers, and it unrolls; as arrays they make one code for every size, slower and compiled once. Work arrays are
+# parts of one, so that the compiler knows that they do not overlap.
+Extent = tuple[int, ...] | np.ndarray
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _update(
-    size: tuple[int, ...],
+    size: Extent,
     x: np.ndarray,
     P: np.ndarray,
     a: int,
@@ -63,10 +65,8 @@ def _update(
     return total
 
 
-@njit(cache=True, nogil=True, inline="always")
-def transition_at(
-    size: tuple[int, ...], links: tuple[int, ...], problem: Problem, k: int, kept: np.ndarray, F: np.ndarray
-) -> None:
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def transition_at(size: Extent, links: Extent, problem: Problem, k: int, kept: np.ndarray, F: np.ndarray) -> None:
     """Fill `kept` (n,), the diagonal of F with zeros where a row is coupled, and `F` with those rows."""
     for i in range(len(size)):
         kept[i] = problem.decay[k, i]
@@ -76,10 +76,10 @@ def transition_at(
             F[r, i] = problem.rows[k, r, i]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def predict(
-    size: tuple[int, ...],
-    links: tuple[int, ...],
+    size: Extent,
+    links: Extent,
     problem: Problem,
     k: int,
     x: np.ndarray,
@@ -137,10 +137,10 @@ def predict(
             x[coupled[r], q] = moved[r]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run(
-    size: tuple[int, ...],
-    links: tuple[int, ...],
+    size: Extent,
+    links: Extent,
     problem: Problem,
     keep: bool,
     means: np.ndarray,
@@ -194,10 +194,10 @@ def run(
     return -0.5 * (squares + logarithms + math.log(product))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _ahead(
-    size: tuple[int, ...],
-    links: tuple[int, ...],
+    size: Extent,
+    links: Extent,
     problem: Problem,
     steps: np.ndarray,
     stride: int,

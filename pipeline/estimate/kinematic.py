@@ -90,8 +90,8 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
 def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
     polar, settings, sources = model.polar, model.settings, model.sources
-    at, solution = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, 4)
-    outlying = _outlying(series, settings, solution)
+    at, problem = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, 4)
+    outlying = _outlying(series, settings, model.solve(problem))
     series = replace(
         series,
         depth=np.where(outlying[0], np.nan, series.depth),

@@ -5,7 +5,7 @@ It is found on a few stretches of the mission, whatever its length.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +16,8 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.craft import Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
-from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.series import Series, from_records
-from pipeline.estimate.trajectory import first_guess
+from pipeline.estimate.trajectory import Solve, first_guess
 from pipeline.findings import Finding
 from pipeline.mission import Mission
 from pipeline.vehicle import Vehicle
@@ -78,7 +77,7 @@ def prepare(
     return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, body[1])
 
 
-def _solver(engine: str) -> Callable[[Problem], Solution]:
+def _solver(engine: str) -> Solve:
     if engine == "filterpy":
         from pipeline.estimate.reference import solve
 

@@ -48,7 +48,7 @@ class Solution(NamedTuple):
     """What filter and smoother return."""
 
     mean: np.ndarray  # (m, n, 1 + c): smoothed; then its change with each considered parameter
-    covariance: np.ndarray  # (m, n, n): smoothed, considered parameters held
+    covariance: np.ndarray  # (m, n, n): smoothed, considered parameters held; (0, n, n) unless asked for
     innovation: np.ndarray  # (m, p), NaN where nothing was observed
     innovation_variance: np.ndarray  # (m, p)
     log_likelihood: float

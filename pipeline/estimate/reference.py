@@ -14,13 +14,15 @@ import numpy as np
 from pipeline.estimate.problem import Problem, Solution, design, process, transition
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: Problem, *, whole: bool = True) -> Solution:
     """Return what `pipeline.estimate.smoother.solve` returns, computed by ``filterpy.kalman.KalmanFilter``.
 
     Parameters
     ----------
     problem
         The state-space problem; m instants, n states, p kinds of measurement.
+    whole
+        Whether covariances are wanted; without them it is no faster.
 
     Returns
     -------
@@ -30,7 +32,7 @@ def solve(problem: Problem) -> Solution:
     columns = [_solve(problem, q) for q in range(1 + problem.observed_by.shape[1])]
     mean = np.stack([column.mean[:, :, 0] for column in columns], axis=-1)
     mean[:, :, 1:] -= mean[:, :, :1]
-    return columns[0]._replace(mean=mean)
+    return columns[0]._replace(mean=mean, covariance=columns[0].covariance if whole else columns[0].covariance[:0])
 
 
 def _solve(problem: Problem, column: int) -> Solution:

@@ -11,38 +11,83 @@ import math
 import numpy as np
 from numba import njit
 
-from pipeline.estimate.kalman import ROUNDING, predict, run, sizes, transition_at
+from pipeline.estimate.kalman import ROUNDING, Extent, predict, run, sizes, transition_at
 from pipeline.estimate.problem import Problem, Solution
 
 #: The quick smoother subtracts; where it leaves less than this share of a variance, the slow one, which only adds,
 #: takes its place.
 LEAST = 1e-8
+#: Instants whose covariances are formed together.
+LANES = 16
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _subtract(size: Extent, P: np.ndarray, A: np.ndarray, work: np.ndarray, out: np.ndarray) -> bool:
+    """Fill the lower half of `out` with P − P A P, lane by lane, shape (n, n, LANES) each; whether digits are left."""
+    n = len(size)
+    for i in range(n):
+        for j in range(n):
+            for lane in range(LANES):
+                value = 0.0
+                for q in range(n):
+                    value += P[i, q, lane] * A[q, j, lane]
+                work[i, j, lane] = value
+    for i in range(n):
+        for j in range(i + 1):
+            for lane in range(LANES):
+                value = 0.0
+                for q in range(n):
+                    value += work[i, q, lane] * P[q, j, lane]
+                out[i, j, lane] = P[i, j, lane] - value
+    for i in range(n):
+        for j in range(i + 1):
+            for lane in range(LANES):
+                work[i, j, lane] = out[i, j, lane]
+    lost = 0.0
+    for j in range(n):  # P − P A P = L D Lᵀ
+        for lane in range(LANES):
+            lost += 0.0 if work[j, j, lane] > LEAST * P[j, j, lane] else 1.0
+        for i in range(j + 1, n):
+            for lane in range(LANES):
+                work[j, i, lane] = work[i, j, lane] / work[j, j, lane]
+        for i in range(j + 1, n):
+            for q in range(j + 1, i + 1):
+                for lane in range(LANES):
+                    work[i, q, lane] -= work[j, i, lane] * work[q, j, lane]
+    return lost == 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _smooth(
-    size: tuple[int, ...],
-    links: tuple[int, ...],
+    size: Extent,
+    links: Extent,
     problem: Problem,
     means: np.ndarray,
     covariances: np.ndarray,
     gains: np.ndarray,
     innovations: np.ndarray,
     variances: np.ndarray,
+    whole: bool,
 ) -> bool:
     """Turn filtered into smoothed moments, in place, from the last instant back; False where digits run out.
 
-    The adjoints `a` (n, 1 + c) and `A` (n, n) hold what later measurements say: x − P a and P − P A P.
+    The adjoints `a` (n, 1 + c) and `A` (n, n) hold what later measurements say: x − P a and P − P A P. The latter is
+    left out unless `whole`, and formed for `LANES` instants at a time, so that the compiler has vectors to work on.
     """
     n = len(size)
     m, p = problem.observed.shape
     c = problem.observed_by.shape[1]
     coupled = problem.coupled
     a, old = np.zeros((n, 1 + c)), np.empty((len(links), 1 + c))
-    room = np.zeros((6, n, n))
-    A, P, F, work, out = room[0], room[1], room[2], room[3], room[4]
-    column, gain, kept = room[5, 0], room[5, 1], room[5, 2]
+    room = np.zeros((4, n, n))
+    A, F, across = room[0], room[1], room[2]
+    column, gain, kept = room[3, 0], room[3, 1], room[3, 2]
+    lanes = np.zeros((4, n, n, LANES))
+    before, later, work, out = lanes[0], lanes[1], lanes[2], lanes[3]
+    for i in range(n):
+        before[i, i] = 1.0
     for k in range(m - 1, -1, -1):
+        lane = k % LANES
         if k < m - 1:  # a ← Fᵀ a, A ← Fᵀ A F
             transition_at(size, links, problem, k, kept, F)
             for q in range(1 + c):
@@ -53,71 +98,63 @@ def _smooth(
                     for r in range(len(links)):
                         value += F[r, i] * old[r, q]
                     a[i, q] = value
-            for i in range(n):
-                for j in range(n):
-                    work[i, j] = A[i, j] * kept[j]
+            if whole:
                 for r in range(len(links)):
-                    value = A[i, coupled[r]]
-                    for j in range(n):
-                        work[i, j] += value * F[r, j]
-            for i in range(n):
-                for j in range(n):
-                    A[i, j] = work[i, j] * kept[i]
-            for r in range(len(links)):
+                    for i in range(n):
+                        value = kept[i] * A[i, coupled[r]]
+                        for s in range(len(links)):
+                            value += 0.5 * A[coupled[r], coupled[s]] * F[s, i]
+                        across[r, i] = value
                 for i in range(n):
-                    value = F[r, i]
-                    for j in range(n):
-                        A[i, j] += value * work[coupled[r], j]
-            for i in range(n):
-                for j in range(i):  # what is not symmetric would grow
-                    A[j, i] = A[i, j]
-        for i in range(n):
-            for j in range(n):
-                P[i, j] = covariances[k, i, j]
-                out[i, j] = covariances[k, i, j]
-        for i in range(n):
-            for j in range(n):
-                work[i, j] = P[i, 0] * A[0, j]
-            for q in range(1, n):
-                value = P[i, q]
-                for j in range(n):
-                    work[i, j] += value * A[q, j]
-        for i in range(n):
-            for q in range(n):
-                value = work[i, q]
-                for j in range(n):
-                    out[i, j] -= value * P[q, j]
+                    for j in range(i + 1):
+                        value = kept[i] * A[i, j] * kept[j]
+                        for r in range(len(links)):
+                            value += F[r, i] * across[r, j] + across[r, i] * F[r, j]
+                        A[i, j] = value
+                for i in range(n):
+                    for j in range(i):
+                        A[j, i] = A[i, j]
         for i in range(n):
             for q in range(1 + c):
                 value = 0.0
                 for j in range(n):
-                    value += P[i, j] * a[j, q]
+                    value += covariances[k, i, j] * a[j, q]
                 means[k, i, q] -= value
-            for j in range(i + 1):
-                covariances[k, i, j] = out[i, j]
-                covariances[k, j, i] = out[i, j]
-        for j in range(n):  # P − P A P = L D Lᵀ
-            pivot = out[j, j]
-            if not pivot > LEAST * P[j, j]:
-                return False
-            inverse = 1.0 / pivot
-            for i in range(j + 1, n):
-                value = out[i, j] * inverse
-                for q in range(j + 1, i + 1):
-                    out[i, q] -= value * out[q, j]
+        if whole:
+            for i in range(n):
+                for j in range(n):
+                    before[i, j, lane] = covariances[k, i, j]
+                    later[i, j, lane] = A[i, j]
+            if lane == 0:
+                if not _subtract(size, before, later, work, out):
+                    return False
+                for after in range(min(LANES, m - k)):
+                    for i in range(n):
+                        for j in range(i + 1):
+                            covariances[k + after, i, j] = out[i, j, after]
+                            covariances[k + after, j, i] = out[i, j, after]
         for j in range(p - 1, -1, -1):
             total = variances[k, j]
             if math.isnan(total):
                 continue
             # a ← Cᵀ a − h ν/S, A ← Cᵀ A C + h hᵀ/S with C = I − K hᵀ
-            square = 1.0 / total
+            inverse = 1.0 / total
             for i in range(n):
                 gain[i] = gains[k, j, i]
-                column[i] = 0.0
-            for q in range(n):
-                value = gain[q]
+            for q in range(1 + c):
+                value = innovations[k, j, q] * inverse
                 for i in range(n):
-                    column[i] += A[q, i] * value
+                    value += gain[i] * a[i, q]
+                for s in range(2):
+                    a[problem.seen[j, s], q] -= problem.weight[j, s] * value
+            if not whole:
+                continue
+            square = inverse
+            for i in range(n):
+                value = 0.0
+                for q in range(n):
+                    value += A[q, i] * gain[q]
+                column[i] = value
             for i in range(n):
                 square += gain[i] * column[i]
             for s in range(2):
@@ -129,17 +166,11 @@ def _smooth(
                     A[state, i] -= h * column[i]
                 for other in range(2):
                     A[state, problem.seen[j, other]] += h * problem.weight[j, other] * square
-            for q in range(1 + c):
-                value = innovations[k, j, q] / total
-                for i in range(n):
-                    value += gain[i] * a[i, q]
-                for s in range(2):
-                    a[problem.seen[j, s], q] -= problem.weight[j, s] * value
     return True
 
 
-@njit(cache=True, nogil=True)
-def _solve_in_place(size: tuple[int, ...], P: np.ndarray, right: np.ndarray) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve_in_place(size: Extent, P: np.ndarray, right: np.ndarray) -> None:
     """Replace `right` (n, n) by P⁻¹ right, P = L D Lᵀ; `P` is lost; what has no variance of its own counts as known."""
     n = len(size)
     for j in range(n):
@@ -163,8 +194,8 @@ def _solve_in_place(size: tuple[int, ...], P: np.ndarray, right: np.ndarray) -> 
                 right[i, q] -= P[j, i] * right[j, q]
 
 
-@njit(cache=True, nogil=True)
-def _congruence(size: tuple[int, ...], P: np.ndarray, B: np.ndarray, work: np.ndarray, out: np.ndarray) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _congruence(size: Extent, P: np.ndarray, B: np.ndarray, work: np.ndarray, out: np.ndarray) -> None:
     """Add Bᵀ P B to `out`."""
     n = len(size)
     for i in range(n):
@@ -179,14 +210,12 @@ def _congruence(size: tuple[int, ...], P: np.ndarray, B: np.ndarray, work: np.nd
                 out[i, j] += B[q, i] * work[q, j]
 
 
-@njit(cache=True, nogil=True)
-def _by_squares(
-    size: tuple[int, ...], links: tuple[int, ...], problem: Problem, means: np.ndarray, covariances: np.ndarray
-) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _by_squares(size: Extent, links: Extent, problem: Problem, means: np.ndarray, covariances: np.ndarray) -> None:
     """Turn filtered into smoothed moments, in place, from the last instant but one back.
 
     With C = P Fᵀ (F P Fᵀ + Q)⁻¹: x + C (x⁺ − F x − shift) and (I − C F) P (I − C F)ᵀ + C (P⁺ + Q) Cᵀ, sums of
-    squares alone.
+    squares alone. It is seldom needed: `size` and `links` are arrays here, so that one code serves every size.
     """
     n = len(size)
     coupled, d = problem.coupled, problem.driven
@@ -240,13 +269,15 @@ def _by_squares(
                 here[j, i] = here[i, j]
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: Problem, *, whole: bool = True) -> Solution:
     """Return the smoothed mean and covariance of every state, and the innovations of the filter.
 
     Parameters
     ----------
     problem
         The state-space problem; m instants, n states, p kinds of measurement, c considered parameters.
+    whole
+        Whether covariances are wanted; without them it takes about half the time.
 
     Returns
     -------
@@ -258,7 +289,7 @@ def solve(problem: Problem) -> Solution:
     means, covariances = np.empty((m, n, 1 + c)), np.empty((m, n, n))
     gains, innovations, variances = np.empty((m, p, n)), np.empty((m, p, 1 + c)), np.empty((m, p))
     log_likelihood = run(size, links, problem, True, means, covariances, gains, innovations, variances)
-    if not _smooth(size, links, problem, means, covariances, gains, innovations, variances):
+    if not _smooth(size, links, problem, means, covariances, gains, innovations, variances, whole):
         run(size, links, problem, True, means, covariances, gains, innovations, variances)
-        _by_squares(size, links, problem, means, covariances)
-    return Solution(means, covariances, innovations[:, :, 0], variances, log_likelihood)
+        _by_squares(np.empty(n), np.empty(problem.coupled.size), problem, means, covariances)
+    return Solution(means, covariances if whole else covariances[:0], innovations[:, :, 0], variances, log_likelihood)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -31,9 +30,15 @@ from pipeline.estimate.told import Told
 from pipeline.model.closure import glide_angle, glide_angles
 from pipeline.vehicle import Polar
 
-Solve = Callable[[Problem], Solution]
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
 SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
+
+
+class Solve(Protocol):
+    """An engine that solves linear problems."""
+
+    def __call__(self, problem: Problem, *, whole: bool = True) -> Solution:
+        """Return the solution of `problem`; without its covariances unless `whole`."""
 
 
 class Flight(NamedTuple):
@@ -70,12 +75,11 @@ def iterate(
     sources: Sources,
     solve: Solve,
     times: int,
-    considered: Considered | None = None,
-) -> tuple[Trajectory, Solution]:
-    """Linearise and solve until the trajectory stands still, at most `times` times."""
+) -> tuple[Trajectory, Problem]:
+    """Return the trajectory, linearised along and solved for until it stands still, and the last problem solved."""
     for _ in range(times):
-        solution = solve(linearise(series, polar, settings, at, sources, considered))
-        mean = solution.mean[:, :, 0]
+        problem = linearise(series, polar, settings, at, sources)
+        mean = solve(problem, whole=False).mean[:, :, 0]
         speed = mean[:, SPEED]
         if sources.fixes:
             speed = np.where(series.cruising, mean[:, CRUISE], speed)
@@ -88,7 +92,7 @@ def iterate(
         at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0), scale)
         if change < 1e-7:
             break
-    return at, solution
+    return at, problem
 
 
 def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:

@@ -49,9 +49,11 @@ def survives(
     solved: list[Solution] = []
     solve = smoother.solve
 
-    def watched(problem: Problem) -> Solution:
-        solved.append(solve(problem))
-        return solved[-1]
+    def watched(problem: Problem, *, whole: bool = True) -> Solution:
+        solution = solve(problem, whole=whole)
+        if whole:
+            solved.append(solution)
+        return solution
 
     records = records.reset_index(drop=True)
     with monkeypatch.context() as patch:

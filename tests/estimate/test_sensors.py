@@ -16,7 +16,7 @@ KIND, SPEED = 2, 1
 def sensed(seed: int, m: int = 25) -> tuple[Problem, np.ndarray, np.ndarray]:
     """Return a random problem whose third kind of measurement is of one state; instants, and a path of that state."""
     rng = np.random.default_rng(seed)
-    case = problem(seed, m=m, n=5, missing=0.2)
+    case = problem(seed, m=m, missing=0.2)
     case.seen[KIND], case.weight[KIND] = (SPEED, 0), (1.0, 0.0)
     return case, np.cumsum(rng.uniform(0.5, 20.0, m)), rng.uniform(0.2, 0.8, m)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from problems import dense, problem, shift_of
+from problems import SIZES, dense, problem, shift_of
 
 from pipeline.estimate import reference, smoother
 from pipeline.estimate.problem import design, process, transition
@@ -21,9 +21,9 @@ def test_smoothed_moments_are_those_of_one_dense_least_squares_problem(seed: int
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("n", [5, 10])
-def test_filterpy_and_the_compiled_engine_agree_to_1e9(seed: int, n: int) -> None:
-    case = problem(seed, m=120, n=n, considered=2)
+@pytest.mark.parametrize("size", SIZES)
+def test_filterpy_and_the_compiled_engine_agree_to_1e9(seed: int, size: tuple[int, int]) -> None:
+    case = problem(seed, m=120, size=size, considered=2)
     ours, theirs = smoother.solve(case), reference.solve(case)
     for name in ("mean", "covariance", "innovation", "innovation_variance"):
         a, b = getattr(ours, name), getattr(theirs, name)
@@ -58,7 +58,7 @@ def test_statsmodels_agrees_on_an_unchanging_problem_with_data_missing(seed: int
 
 @pytest.mark.parametrize("seed", range(4))
 def test_considered_parameters_shift_the_mean_as_finite_differences_say_and_nothing_else(seed: int) -> None:
-    case = problem(seed, m=60, n=5, considered=3)
+    case = problem(seed, m=60, considered=3)
     solution = smoother.solve(case)
     for q in range(3):
         moved = case.shift[:, :, :1] + case.shift[:, :, [1 + q]]
@@ -71,13 +71,6 @@ def test_considered_parameters_shift_the_mean_as_finite_differences_say_and_noth
         np.testing.assert_array_equal(found.covariance, solution.covariance)
 
 
-@pytest.mark.parametrize("m", [1, 2])
-def test_one_or_two_instants_are_enough(m: int) -> None:
-    case = problem(0, m=m)
-    mean, _ = dense(case)
-    np.testing.assert_allclose(smoother.solve(case).mean[:, :, 0], mean, rtol=1e-9, atol=1e-9)
-
-
 def test_covariances_stay_symmetric_and_positive_without_any_measurement() -> None:
     case = problem(1, m=300, missing=1.1)
     solution = smoother.solve(case)
@@ -86,9 +79,11 @@ def test_covariances_stay_symmetric_and_positive_without_any_measurement() -> No
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.integers(0, 100_000), st.sampled_from([4, 5, 10]), st.floats(0.0, 1.1))
-def test_covariances_stay_positive_with_variances_over_eighteen_decades(seed: int, n: int, missing: float) -> None:
-    solution = smoother.solve(problem(seed, n=n, missing=missing, decades=18.0))
+@given(st.integers(0, 100_000), st.sampled_from(SIZES), st.floats(0.0, 1.1))
+def test_covariances_stay_positive_with_variances_over_eighteen_decades(
+    seed: int, size: tuple[int, int], missing: float
+) -> None:
+    solution = smoother.solve(problem(seed, size=size, missing=missing, decades=18.0))
     assert np.isfinite(solution.mean).all()
     assert np.array_equal(solution.covariance, solution.covariance.transpose(0, 2, 1))
     trace = np.trace(solution.covariance, axis1=1, axis2=2)
@@ -110,3 +105,22 @@ def test_covariances_stay_positive_across_a_huge_gap_and_are_those_of_the_sum_of
     before = slice(0, 31)
     np.testing.assert_allclose(ours.covariance[before], theirs.covariance[before], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(ours.mean[before], theirs.mean[before], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_without_covariances_the_means_are_the_same(seed: int) -> None:
+    case = problem(seed, m=50, considered=2)
+    whole, means = smoother.solve(case), smoother.solve(case, whole=False)
+    np.testing.assert_array_equal(means.mean, whole.mean)
+    np.testing.assert_array_equal(means.innovation, whole.innovation)
+    assert means.log_likelihood == whole.log_likelihood
+    assert means.covariance.shape == reference.solve(case, whole=False).covariance.shape == (0, 5, 5)
+
+
+@pytest.mark.parametrize("m", [1, smoother.LANES - 1, smoother.LANES, smoother.LANES + 1, 3 * smoother.LANES + 5])
+def test_any_number_of_instants_is_smoothed_to_the_first(m: int) -> None:
+    case = problem(7, m=m)
+    mean, covariance = dense(case)
+    solution = smoother.solve(case)
+    np.testing.assert_allclose(solution.mean[:, :, 0], mean, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(solution.covariance, covariance, rtol=1e-8, atol=1e-8)

@@ -46,7 +46,7 @@ def total(covariance: np.ndarray, change: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_considered_gives_the_covariance_of_the_true_error(seed: int) -> None:
     """With p ~ N(0, 1) unknown the error of the estimate that holds p is (B − K (H B − D)) p + (I − K H) ξ − K e."""
-    case = problem(seed, m=15, n=5, missing=0.3, considered=2)
+    case = problem(seed, m=15, missing=0.3, considered=2)
     mean, B, P, y, D, H, R = stacked(case)
     gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
     left = np.eye(mean.size) - gain @ H
@@ -63,7 +63,7 @@ def test_what_is_considered_gives_the_covariance_of_the_true_error(seed: int) ->
 @pytest.mark.parametrize("seed", range(3))
 def test_the_last_instant_is_that_of_schmidts_recursion_with_the_gain_of_a_filter_that_holds_them(seed: int) -> None:
     """Schmidt's filter carries the covariance of [x, p] and corrects x alone."""
-    case = problem(seed, m=20, n=5, missing=0.2, considered=2)
+    case = problem(seed, m=20, missing=0.2, considered=2)
     (m, n), c = case.decay.shape, 2
     F, Q, H = transition(case), process(case), design(case)
     by = np.zeros((m, n, c))
@@ -90,7 +90,7 @@ def test_the_last_instant_is_that_of_schmidts_recursion_with_the_gain_of_a_filte
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_told_makes_states_of_the_parameters(seed: int) -> None:
     """Bias-separated estimation is the dense problem in states and parameters together."""
-    case = problem(seed, m=15, n=5, missing=0.3, considered=2)
+    case = problem(seed, m=15, missing=0.3, considered=2)
     (m, n), c = case.decay.shape, 2
     mean, B, P, y, D, H, R = stacked(case)
     prior = np.block([[P + B @ B.T, B], [B.T, np.eye(c)]])
@@ -107,13 +107,13 @@ def test_what_is_told_makes_states_of_the_parameters(seed: int) -> None:
 
 
 def test_what_is_told_nowhere_or_of_nothing_is_as_before() -> None:
-    case = problem(1, m=15, n=5, considered=2)
+    case = problem(1, m=15, considered=2)
     mean = smoother.solve(case).mean
     for known in (told(case, np.zeros(15, dtype=bool)), nothing(2)):
         np.testing.assert_array_equal(known.value, np.zeros(2))
         np.testing.assert_array_equal(known.covariance, np.eye(2))
         np.testing.assert_array_equal(known.moved(mean), mean[:, :, 0])
         np.testing.assert_allclose(known.left_open(mean), np.sum(mean[:, :, 1:] ** 2, axis=2), rtol=1e-12)
-    empty = told(problem(1, m=15, n=5), np.ones(15, dtype=bool))
+    empty = told(problem(1, m=15), np.ones(15, dtype=bool))
     assert empty.value.size == 0
     assert Told(np.ones(1), np.eye(1)).moved(np.array([3.0, 2.0])) == 5.0
