@@ -40,9 +40,9 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         "coverage": judged["kinematic"]["sensor"],
         "gps": flown([leg for part in parts for leg in part.legs]) if model.sources.fixes else None,
         "share_of_variance": {
-            name: float(share) / seen if seen else None for name, share in zip(model.names, shares, strict=True)
+            name: float(share) / seen if seen else None for name, share in zip(model.open, shares, strict=True)
         },
-        "settings": model.settings._asdict()
+        "settings": model.noise.settings._asdict()
         | {"engine": prepared.engine, "pitch_std_deg": prepared.mission.pitch.std_deg},
         "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes},
         "compatibility": parts[0].compatibility if len(parts) == 1 else _joined(parts),
@@ -59,7 +59,7 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
             **adjusted.report,
             "observable_share": seen / size if size else 0.0,
             "reasons": _reasons(parts, "force"),
-            "settings": adjusted.settings._asdict(),
+            "settings": adjusted.noise.settings._asdict(),
         }
     findings = list(prepared.findings)
     if not any(part.engine for part in parts):

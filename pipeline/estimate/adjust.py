@@ -19,10 +19,10 @@ from pipeline.estimate import kalman, smoother
 from pipeline.estimate.craft import BUOYANCY, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft, thrust_std
 from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import ENOUGH, WATER, covariance, noise_from
+from pipeline.estimate.noise import ENOUGH, WATER, covariance, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise, Settings
 
 #: What the depth rate may adjust; thrust only where the propeller turned. With a speed sensor all may be.
 ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansion", "thrust", "hull_time")
@@ -33,9 +33,10 @@ LEAST = -0.8
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
 STEPS, STILL = 15, 5e-3
-#: What is searched while parameters are adjusted. σ and τ of w_w are not, but stay as in `Settings`: a water that is
-#: found to move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag.
-INSTRUMENTS = ("depth_noise", "swell", "force_drift", "load")
+#: What is searched while parameters are adjusted. All else stays as in `Settings`, ordinary: a water that is found to
+#: move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag; and as long as
+#: parameters are wrong, an error of V̇ or of net buoyancy as large as theirs would be found, and would hold them there.
+INSTRUMENTS = ("depth_noise", "swell")
 #: Steps after which they are.
 SEARCHES = (2, 5)
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
@@ -74,6 +75,10 @@ def adjust(
 ) -> Adjusted:
     """Return the craft adjusted to the depth (and speed, if used) measured in `stretches`.
 
+    The parameters are found at ordinary noise levels, those of the mission are found at these parameters. Were the
+    latter known, the parameters found at them would be the efficient ones, whose difference from ours is independent of
+    them (Hausman 1978, doi:10.2307/1913827): the step that is left to go there has its column in the covariance.
+
     Parameters
     ----------
     stretches
@@ -109,14 +114,14 @@ def adjust(
         value[RELATIVE] = np.maximum(value[RELATIVE], LEAST)
         craft = craft._replace(value=value)
         if step in SEARCHES:
-            settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed)
+            settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed).settings
         elif np.max(np.abs(change)) < STILL and step > SEARCHES[-1]:
             converged = True
             break
-    settings = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
-    matrix, _ = _with_prior(_equations(stretches, craft, settings, paths, speed=speed), craft)
-    columns = _root(matrix, free) * craft.std[:, None]
-    return Adjusted(craft, settings, columns, _report(craft, columns, free, converged))
+    noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
+    matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed), craft)
+    columns = np.column_stack([_root(matrix, free), _step(matrix, gradient, free)]) * craft.std[:, None]
+    return Adjusted(craft, noise, columns, _report(craft, columns, free, converged))
 
 
 def unadjusted(found: Adjusted) -> Adjusted:
@@ -165,7 +170,7 @@ def _with_prior(normal: _Normal, craft: Craft) -> tuple[np.ndarray, np.ndarray]:
     return normal.matrix + np.diag(weight), normal.vector + weight * departure
 
 
-def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: float) -> np.ndarray:
+def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: float = -np.inf) -> np.ndarray:
     """Return the Newton step of the free parameters, shape (c,); that of the hull's time is no lower than `least`."""
     step = np.zeros(free.size)
     step[free] = -np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
@@ -206,7 +211,7 @@ def _likeliest(
     names: tuple[str, ...],
     *,
     speed: bool,
-) -> Settings:
+) -> Noise:
     """Return settings with the noise levels `names` of `SEARCHED` at the maximum of likelihood times prior.
 
     σ² of w_w, and σ²τ on which its mean over a long glide depends, are means over their posterior, as in
@@ -231,11 +236,12 @@ def _likeliest(
     )
     found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
     if "sigma_w" not in names:
-        return settings._replace(**found)
+        return Noise(settings._replace(**found))
     open_ = covariance(cost, best.x) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
-    return settings._replace(**found)
+    settings = settings._replace(**found)
+    return Noise(settings, moved(settings, names, open_))
 
 
 def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise
 from pipeline.mission import Mission
 from pipeline.model.forces import HULL_TIME_BEFORE, HULL_TIME_STD, propeller_of
 from pipeline.vehicle import Polar, Propeller, Vehicle
@@ -53,7 +53,7 @@ class Adjusted(NamedTuple):
     """The craft with adjusted values, what is left open of all parameters together, and the account of it."""
 
     craft: Craft
-    settings: Settings
+    noise: Noise
     columns: np.ndarray  # (c, k): square root of the parameters' covariance
     report: dict[str, Any]
 

@@ -18,6 +18,7 @@ from pipeline.estimate import told
 from pipeline.estimate.craft import BIAS, EXPANSION, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_thermal_lag
 from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured
+from pipeline.estimate.noise import left_open
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
@@ -378,21 +379,27 @@ def solve(
     solver
         Engine.
     """
-    nothing = np.empty((len(PARAMETERS), 0))
+    settings = adjusted.noise.settings
+
+    def mean_at(settings: Settings, at: Path) -> np.ndarray:
+        nothing = np.empty((len(PARAMETERS), 0))
+        problem, _ = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=nothing)
+        return solver(problem, whole=False).mean[:, :, 0]
+
     for _ in range(ITERATIONS):
-        problem, _ = linearise(series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=nothing)
-        new = smoothed(series, solver(problem, whole=False).mean[:, :, 0], at)
+        new = smoothed(series, mean_at(settings, at), at)
         change = float(np.max(np.abs(new.speed - at.speed)))
         at = new
         if change < 1e-5:
             break
-    problem, alphas = linearise(
-        series, force, adjusted.craft, adjusted.settings, at, speed=speed, columns=adjusted.columns
-    )
+    problem, alphas = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=adjusted.columns)
     solution = solver(problem)
-    slip = np.where(series.manoeuvre, adjusted.settings.slip_manoeuvre, adjusted.settings.slip)
+    unknown = left_open(adjusted.noise, solution.mean[:, :, 0], lambda moved: mean_at(moved, at))
+    solution = solution._replace(mean=np.concatenate([solution.mean, unknown], axis=2))
+    alphas = np.pad(alphas, ((0, 0), (0, unknown.shape[2])))
+    slip = np.where(series.manoeuvre, settings.slip_manoeuvre, settings.slip)
     scale = None
-    if speed and adjusted.settings.speed_scale:
+    if speed and settings.speed_scale:
         held = told.nothing(solution.mean.shape[2] - 1)
         scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
     return Flown(_flight(solution, alphas, slip), problem, solution, scale)

@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
-from pipeline.estimate.noise import likeliest, noise_from
+from pipeline.estimate.noise import left_open, likeliest, noise_from
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.told import nothing, told
 from pipeline.estimate.trajectory import Flight, Solve, first_guess, flight, iterate
 from pipeline.mission import Mission
@@ -37,6 +37,8 @@ GATE = 6.0
 LEAST = 0.2
 #: What the estimate borrows, besides the pitch as logged; each is moved by its 1-sigma.
 BORROWED = ("pitch", "lift_slope", "parasite_drag", "induced_drag", "lift_at_zero")
+#: What is found in the mission and not exactly known either.
+OPEN = ("sigma_w", "tau_w")
 
 
 class Model(NamedTuple):
@@ -45,9 +47,14 @@ class Model(NamedTuple):
     polar: Polar
     names: list[str]  # what is considered, in the order of its columns
     considered: Considered
-    settings: Settings
+    noise: Noise
     sources: Sources
     solve: Solve
+
+    @property
+    def open(self) -> list[str]:
+        """What every interval has a share of, in the order of the columns of a solution."""
+        return [*self.names, *OPEN[: len(self.noise.moved)]]
 
 
 class Part(NamedTuple):
@@ -81,15 +88,15 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
     sources = Sources(mission.speed_sensor == "use", fixes)
     settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
     if any(math.isnan(value) for value in vehicle.polar):
-        return Model(vehicle.polar, *_considered(vehicle, mission), settings, sources, solve)
+        return Model(vehicle.polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
     at, _ = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, 2)
-    settings = likeliest(series, vehicle.polar, settings, at, sources.speed)
-    return Model(vehicle.polar, *_considered(vehicle, mission), settings, sources, solve)
+    noise = likeliest(series, vehicle.polar, settings, at, sources.speed)
+    return Model(vehicle.polar, *_considered(vehicle, mission), noise, sources, solve)
 
 
 def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
-    polar, settings, sources = model.polar, model.settings, model.sources
+    polar, settings, sources = model.polar, model.noise.settings, model.sources
     at, problem = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, 4)
     outlying = _outlying(series, settings, model.solve(problem))
     series = replace(
@@ -102,6 +109,13 @@ def solve(series: Series, model: Model) -> Part:
     solution = model.solve(problem)
     steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
     known = told(problem, steady) if sources.speed else nothing(len(model.names))
+    unknown = left_open(
+        model.noise,
+        solution.mean[:, :, 0],
+        lambda moved: model.solve(linearise(series, polar, moved, at, sources), whole=False).mean[:, :, 0],
+    )
+    solution = solution._replace(mean=np.concatenate([solution.mean, unknown], axis=2))
+    known = known.beside(unknown.shape[2])
     currents = known.moved(solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2]).T
     return Part(
         flight(series, polar, solution, model.considered, known),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +11,10 @@ from scipy.optimize import minimize
 from pipeline.estimate import kalman
 from pipeline.estimate.linearise import Sources, Trajectory, linearise
 from pipeline.estimate.series import Series
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise, Settings
 from pipeline.vehicle import Polar
 
-#: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`.
+#: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`; σ and τ of w_w first.
 SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "unsteadiness": 1.0, "depth_noise": 1.0, "swell": 2.0}
 #: The search ends when a step gains less than this share of the logarithm of likelihood.
 ENOUGH = 1e-6
@@ -41,13 +41,13 @@ def noise_from(series: Series) -> Settings:
     )
 
 
-def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool) -> Settings:
+def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool) -> Noise:
     """Return settings with w_w's σ and τ, V's unsteadiness, swell and depth noise at their most probable values.
 
     How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So the
     variances are means over their posterior (log-normal, by the curvature at its maximum) in place of the values at
     the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's unsteadiness. What is not known
-    of them widens the intervals.
+    of them widens the intervals; how far the estimate itself moves with them is for `moved` to tell.
     """
     calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
     settings = settings._replace(sigma_w=WATER)
@@ -73,7 +73,49 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
     found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
     found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
     found["depth_noise"] = max(found["depth_noise"], QUIET)
-    return settings._replace(**{name: float(f"{value:.3g}") for name, value in found.items()})  # more is not known
+    settings = settings._replace(**{name: float(f"{value:.3g}") for name, value in found.items()})  # more is not known
+    return Noise(settings, moved(settings, names, spread_of))
+
+
+def moved(settings: Settings, names: Sequence[str], covariance: np.ndarray) -> tuple[Settings, Settings]:
+    """Return `settings` with σ of w_w 1-sigma higher, and with τ so at the same σ, and all that goes along with them.
+
+    Parameters
+    ----------
+    settings
+        Noise levels found.
+    names
+        Those that were searched, σ and τ of w_w first; k of them.
+    covariance
+        Of their logarithms, shape (k, k).
+    """
+    factors = np.exp(np.linalg.cholesky(covariance)[:, :2]).T.tolist()
+    sigma, tau = (
+        settings._replace(**{name: getattr(settings, name) * by for name, by in zip(names, axis, strict=True)})
+        for axis in factors
+    )
+    return sigma, tau
+
+
+def left_open(noise: Noise, mean: np.ndarray, solve: Callable[[Settings], np.ndarray]) -> np.ndarray:
+    """Return how the smoothed states change when the noise levels are moved along what is open of them.
+
+    Parameters
+    ----------
+    noise
+        With k axes.
+    mean
+        Smoothed states at ``noise.settings``, shape (m, n).
+    solve
+        Gives the smoothed states, shape (m, n), at other settings.
+
+    Returns
+    -------
+    ndarray
+        Shape (m, n, k).
+    """
+    changes = [solve(settings) - mean for settings in noise.moved]
+    return np.stack(changes, axis=2) if changes else np.empty((*mean.shape, 0))
 
 
 def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:

@@ -48,3 +48,10 @@ class Settings(NamedTuple):
     heave_drift_force: float = 0.01  # m2/s, depth in manoeuvres, in the force model
     initial_speed: float = 0.5  # m/s, 1-sigma
     initial_current: float = 0.3  # m/s, 1-sigma
+
+
+class Noise(NamedTuple):
+    """Noise levels of a mission, and the same moved by 1-sigma along each axis of what is open of them."""
+
+    settings: Settings
+    moved: tuple[Settings, ...] = ()

@@ -22,6 +22,13 @@ class Told(NamedTuple):
     value: np.ndarray  # (c,)
     covariance: np.ndarray  # (c, c)
 
+    def beside(self, others: int) -> Told:
+        """Return the same with so many `others` behind, of which nothing is told."""
+        c = self.value.size
+        covariance = np.eye(c + others)
+        covariance[:c, :c] = self.covariance
+        return Told(np.append(self.value, np.zeros(others)), covariance)
+
     def moved(self, mean: np.ndarray) -> np.ndarray:
         """Return what `mean`, shape (…, 1 + c), a value and its changes, becomes."""
         return np.asarray(mean[..., 0] + mean[..., 1:] @ self.value)

@@ -162,7 +162,7 @@ def _describe(
         std[4, k], std[5, k] = P[WATER, WATER], P[DEPTH, DEPTH]
         for q in range(columns - 1):
             direct = 0.0
-            if q > 0 and not powered[k]:
+            if 0 < q < 1 + len(moved) and not powered[k]:
                 direct = change_of_glide(moved[q - 1], speed, x[PITCH, 0], glide)
             change[0, q], change[1, q] = x[source, 1 + q], x[PITCH, 1 + q]
             change[2, q] = a * x[source, 1 + q] + b * x[PITCH, 1 + q] + x[SLIP, 1 + q] + direct

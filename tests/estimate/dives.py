@@ -38,6 +38,7 @@ def fly(
     power: float = 0.0,
     ballast_std: float = 0.3,
     every: int = 6,
+    water: tuple[float, float] | None = None,
 ) -> Flown:
     """Return a mission of Petrel-II.
 
@@ -57,6 +58,8 @@ def fly(
         1-sigma of net buoyancy that the mission states, N.
     every
         Sampling interval, s.
+    water
+        σ [m/s] and τ [s] of its vertical velocity, as in the trial if left out.
     """
     true = PETREL.with_values({name: factor * PETREL[name] for name, factor in (changes or {}).items()}, "true")
     stages: list[Stage] = []
@@ -66,8 +69,11 @@ def fly(
             Stage(-pitch, -force, 0.0, "deeper", depth),
             Stage(pitch, force, 0.0, "surface", rpm=power),
         ]
+    plan = _plan()
+    if water:
+        plan = replace(plan, vertical_water_std=water[0], vertical_water_time=water[1])
     plan = replace(
-        _plan(),
+        plan,
         vehicle=true,
         stages=(*stages, Stage(-25.0, 4.0, 0.0, "duration", 60.0, afloat=True)),
         nominal_depth=0.5 * dives[0][2],

@@ -17,6 +17,7 @@ from pipeline.estimate.ballast import hull
 from pipeline.estimate.craft import PARAMETERS, Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import from_records
+from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import first_guess
 from pipeline.simulate import Injection
 from pipeline.vehicle import Coefficient, Vehicle
@@ -235,3 +236,20 @@ def test_nor_through_the_whole_stage(choice: str) -> None:
     after = stage.estimate(sensor, PETREL, mission)
     assert after.estimates.equals(before.estimates)
     assert after.report["force"] == before.report["force"]
+
+
+def test_while_parameters_are_wrong_no_noise_as_large_as_their_error_holds_them_there() -> None:
+    """Quick water, and a drag 2.5 times its 1-sigma off: neither V̇ nor net buoyancy may be found unsteady instead."""
+    flown = dives.fly(
+        8,
+        changes={"parasite_drag": 1.35},
+        dives=((25.0, 4.0, 300.0), (40.0, 7.0, 300.0)),
+        every=2,
+        water=(0.025, 120.0),
+    )
+    found = adjusted(flown)
+    drag, noise = found.report["parameters"]["parasite_drag"], found.noise.settings
+    assert abs(drag["value"] - 0.35) < 2.0 * drag["std"]
+    assert noise.load < 3.0 * Settings().load
+    assert noise.force_drift < 10.0 * Settings().force_drift
+    assert noise.sigma_w == pytest.approx(0.025, rel=0.3)

@@ -1,0 +1,79 @@
+"""Noise levels of a mission: what the search leaves open of them moves the estimate, and is in every interval."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import dives
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.estimate import kinematic, smoother
+from pipeline.estimate.noise import left_open, moved
+from pipeline.estimate.series import from_records
+from pipeline.estimate.settings import Noise, Settings
+
+
+@given(st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.floats(-0.9, 0.9))
+def test_sigma_moves_by_its_own_spread_and_tau_with_it_as_far_as_they_are_correlated(
+    a: float, b: float, correlation: float
+) -> None:
+    covariance = np.array([[a * a, correlation * a * b], [correlation * a * b, b * b]])
+    first, second = moved(Settings(), ["sigma_w", "tau_w"], covariance)
+    usual = Settings()
+    assert np.log(first.sigma_w / usual.sigma_w) == pytest.approx(a)
+    assert np.log(first.tau_w / usual.tau_w) == pytest.approx(correlation * b)
+    assert second.sigma_w == usual.sigma_w
+    assert np.log(second.tau_w / usual.tau_w) == pytest.approx(b * np.sqrt(1.0 - correlation**2))
+
+
+def test_the_moves_account_for_all_of_the_covariance_of_sigma_and_tau() -> None:
+    root = np.random.default_rng(3).normal(size=(4, 4))
+    covariance = root @ root.T / 20.0
+    names = ["sigma_w", "tau_w", "unsteadiness", "depth_noise"]
+    usual = Settings()
+    steps = np.array(
+        [[np.log(getattr(to, name) / getattr(usual, name)) for name in names] for to in moved(usual, names, covariance)]
+    )
+    np.testing.assert_allclose((steps.T @ steps)[:, :2], covariance[:, :2], atol=1e-12)
+
+
+def test_a_linear_estimate_changes_by_its_slope_times_the_move() -> None:
+    usual = Settings()
+    noise = Noise(usual, (usual._replace(sigma_w=0.03), usual._replace(tau_w=400.0)))
+    found = left_open(
+        noise, np.zeros((2, 1)), lambda s: np.array([[s.sigma_w - usual.sigma_w], [s.tau_w - usual.tau_w]])
+    )
+    np.testing.assert_allclose(found[:, 0, :], [[0.02, 0.0], [0.0, 100.0]])
+
+
+def test_where_nothing_is_open_there_is_no_column() -> None:
+    assert left_open(Noise(Settings()), np.zeros((5, 3)), lambda s: np.zeros((5, 3))).shape == (5, 3, 0)
+
+
+def test_what_is_not_known_of_the_water_widens_the_intervals_of_speed_and_water() -> None:
+    flown = dives.fly(5, dives=((25.0, 4.0, 150.0),))
+    series = from_records(flown.records)
+    model = kinematic.prepare(series, flown.vehicle, flown.mission, smoother.solve, fixes=False)
+    assert len(model.noise.moved) == 2
+    known = model._replace(noise=Noise(model.noise.settings))
+    here, there = (kinematic.solve(series, each).flight for each in (model, known))
+    np.testing.assert_array_equal(here.state, there.state)
+    assert (here.std >= there.std * (1.0 - 1e-12)).all()
+    under = ~series.afloat
+    assert np.mean(here.std[4, under]) > np.mean(there.std[4, under])
+
+
+def test_a_mission_known_twice_as_badly_leaves_more_open() -> None:
+    flown = dives.fly(5, dives=((25.0, 4.0, 150.0),))
+    series = from_records(flown.records)
+    half = series.time < 0.5 * (series.time[0] + series.time[-1])
+    short = replace(series, depth=np.where(half, series.depth, np.nan), pitch=np.where(half, series.pitch, np.nan))
+    whole, part = (
+        kinematic.prepare(each, flown.vehicle, flown.mission, smoother.solve, fixes=False).noise
+        for each in (series, short)
+    )
+    spread = [np.log(noise.moved[0].sigma_w / noise.settings.sigma_w) for noise in (whole, part)]
+    assert spread[1] > spread[0] > 0.0
