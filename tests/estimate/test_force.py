@@ -16,7 +16,7 @@ from pipeline.estimate import force, reference, smoother
 from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
 from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, linearise
 from pipeline.estimate.forcing import Forcing, lagged, with_thermal_lag
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
 from pipeline.model.steady import trim_at_moment, trim_at_pitch
 from pipeline.vehicle import Polar, Vehicle
@@ -324,7 +324,7 @@ def test_filterpy_solves_the_same_problem_to_1e9() -> None:
     craft = arrays.craft(PETREL)
     at = force.path(flown, np.full(60, 0.45), pitch)
     columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0])[:, [0, 1, 2, 5]]
-    adjusted = Adjusted(craft, STEADY, columns, {})
+    adjusted = Adjusted(craft, Noise(STEADY), columns, {})
     ours, _, solution, _ = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
     theirs, _, other, _ = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
     np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-9, atol=1e-9)
