@@ -19,7 +19,7 @@ def test_the_report_tells_of_both(found: Estimated) -> None:
     report = found.report
     assert set(report) == {
         "observable_share", "reasons", "consistency", "coverage", "gps", "share_of_variance", "settings", "used",
-        "compatibility", "force",
+        "compatibility", "force", "speed_scale",
     }  # fmt: skip
     assert set(report["consistency"]) == set(METHODS)
     known = {"reason", "parameters", "correlation", "converged", "observable_share", "reasons", "settings"}
