@@ -50,7 +50,7 @@ def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.
     return pd.DataFrame(rows)
 
 
-def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.DataFrame:
+def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None, *, by_dive: bool = False) -> pd.DataFrame:
     """Return the even and odd part of the error in dive and climb pairs.
 
     Of a dive and its climb flown alike, (E_dive + E_climb)/2 holds what drag and lift do and half the difference
@@ -60,11 +60,13 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd
     Returns
     -------
     DataFrame
-        One row per trim, quantity and powered: ``dives``, ``even``, ``even_u``, ``odd``, ``odd_u``.
+        One row per trim, quantity and powered, and with `by_dive` per ``dive``: ``dives``, ``even``, ``even_u``,
+        ``odd``, ``odd_u``.
     """
     rows: list[dict[str, Any]] = []
     slanting = table[(table["direction"] != 0) & (table["label"] != "circular")]
-    for _key, group in slanting.groupby(["trim", "quantity", "powered"], sort=True):
+    keys = ["trim", "quantity", "powered"] + ["dive"] * by_dive
+    for _key, group in slanting.groupby(keys, sort=True):
         sides = group.groupby("dive")["direction"].nunique()
         paired = group[group["dive"].isin(sides.index[sides == 2])]
         if paired.empty:
@@ -76,7 +78,7 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd
         even, odd = combine(paired, weights, settings), combine(paired, weights * sign, settings)
         rows.append(
             {
-                **_key_of(paired, "trim", "quantity", "powered"),
+                **_key_of(paired, *keys),
                 "dives": dives,
                 "even": even["error"],
                 "even_u": even["u_val"],

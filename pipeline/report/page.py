@@ -32,8 +32,10 @@ class Section(NamedTuple):
 
 SECTIONS = (
     Section("numbers", "Key numbers", "Key numbers"),
-    Section("trial", "Trial table", "The trial: published, theory, measured"),
+    Section("overview", "Mission", "The mission"),
+    Section("findings", "Data quality", "Data quality"),
     Section("flight", "Flight", "Flight"),
+    Section("trial", "Trial table", "The trial: published, theory, measured"),
     Section("comparison", "Comparison", "Measured against theory"),
     Section("stability", "Stable range", "Stable range"),
     Section("hypotheses", "Reasons", "Which reason explains the difference"),
@@ -42,7 +44,6 @@ SECTIONS = (
     Section("stored", "Stored model", "The vehicle's own stored model"),
     Section("force", "Force estimate", "The force estimate: theory adjusted to this mission"),
     Section("instruments", "Instruments", "Do the instruments agree?"),
-    Section("findings", "Data quality", "Data quality"),
     Section("observability", "Observability", "Estimates and observability"),
     Section("consistency", "Consistency", "Is the estimator consistent?"),
     Section("borrowed", "What was borrowed", "What was borrowed"),

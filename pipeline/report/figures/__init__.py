@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 #: Why a figure is not there.
 NO_FIGURE = {
     "answer": "no part of the mission has a known net buoyancy and pitch",
+    "track": "fewer than two fixes were logged",
     "water": "no depth was measured",
     "flight": "there are no records to draw",
     "curves": "theory has no steady flight for what was flown, or the vehicle file leaves coefficients unknown",
@@ -22,6 +23,8 @@ NO_FIGURE = {
     "corrections": "no two corrections were fitted",
     "profiles": "no correction was fitted",
     "residuals": "no correction was fitted",
+    "parity": "no dive and its climb both have a comparison that is independent",
+    "stability": "theory has no steady flight for any block",
     "closure": "no fixes before and after flight on a recorded heading",
 }
 
@@ -45,13 +48,17 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     from pipeline.report.figures.curves import curves
     from pipeline.report.figures.flight import flight
     from pipeline.report.figures.hypotheses import hypotheses
+    from pipeline.report.figures.parity import parity
     from pipeline.report.figures.profiles import profiles
     from pipeline.report.figures.residuals import residuals
+    from pipeline.report.figures.stability import stability
+    from pipeline.report.figures.track import track
     from pipeline.report.figures.water import water
 
     gps = _gps(summary["parts"])
     return {
         "answer": answer(summary["parts"]),
+        "track": track(inputs.records),
         "water": water(inputs.records, inputs.estimates),
         "flight": flight(
             inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
@@ -59,6 +66,8 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
         "curves": curves(inputs.blocks, inputs.vehicle, gps),
         "agreement": agreement(comparison),
         "hypotheses": hypotheses(summary["hypotheses"]),
+        "parity": parity(comparison, inputs.estimate.get("settings")),
+        "stability": stability(inputs.blocks, inputs.predictions, inputs.vehicle),
         "corrections": corrections(summary["fit"]),
         "profiles": profiles(summary["fit"]),
         "residuals": residuals(summary["fit"]),
