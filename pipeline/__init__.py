@@ -1,10 +1,28 @@
-"""seatrial: from the raw logs of an underwater-glider field trial to a validated flight model."""
+"""seatrial: from the raw logs of an underwater-glider field trial to a validated flight model.
+
+``pipeline.analyse(folder)`` analyses one mission in memory, see `pipeline.analysis`; it is imported when asked for.
+"""
 
 import hashlib
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.analysis import Trial, analyse
+
+__all__ = ["Trial", "__version__", "analyse"]
 
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """Return `analyse` or `Trial`, which import all stages, when they are first asked for (PEP 562)."""
+    if name not in ("Trial", "analyse"):
+        raise AttributeError(f"module 'pipeline' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module("pipeline.analysis"), name)
 
 
 def _kernel_folder() -> Path:

@@ -32,6 +32,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
 
 #: Modules outside the rooms that no stage's result depends on.
 OUTSIDE = (
+    "analysis.py",
     "check.py",
     "cli.py",
     "datasets.py",

@@ -33,7 +33,7 @@ MAY_USE: dict[str, set[str]] = {
 }
 FLOOR = {
     **dict.fromkeys(("simulate", "voyage", "plan", "trials", "instruments", "theory"), "simulate"),
-    **dict.fromkeys(("campaign", "check", "index", "roster"), "campaign"),
+    **dict.fromkeys(("analysis", "campaign", "check", "index", "roster"), "campaign"),
     "paper": "paper",
     **{name: name for name in ("model", "ingest", "estimate", "report", "cli")},
 }
