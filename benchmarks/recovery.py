@@ -3,7 +3,8 @@
 Usage: ``python benchmarks/recovery.py [CAMPAIGNS [FIRST]] [--draws N] [--json]``: campaigns (default 100, numbers from
 0), on all cores. In turn nothing is injected, +21 % of K_D0, thrust times 0.8, 0.3 N of buoyancy, 1° of pitch bias, or
 15 mm of battery position. Every campaign is flown by the simulator, with a vehicle of its own that is drawn around the
-one of the file with the stated 1-sigma, logged, read and averaged by the pipeline, fitted and ranked.
+one of the file with the stated 1-sigma (its thrust law with one factor), logged, read and averaged by the pipeline,
+fitted and ranked.
 
 Whether a campaign can tell its cause is decided before it is flown, from the information matrix of its orders alone:
 the expected difference in χ² between the cause and its nearest rival, or nothing, is at least `CAN`, or at most
@@ -49,6 +50,7 @@ from pipeline.report.fitting.fit import fit
 from pipeline.report.fitting.hypotheses import NOTHING, rank
 from pipeline.report.fitting.observations import BatteryPositions, observe
 from pipeline.report.fitting.regression import Problem
+from pipeline.report.fitting.sea import sea
 from pipeline.report.fitting.terms import DepthRates
 from pipeline.simulate import Injection
 from pipeline.vehicle import Vehicle
@@ -289,6 +291,9 @@ def flight_of(planned: Campaign) -> Flight:
     """Return what is flown: the true vehicle drawn around the file, the cause injected, the orders."""
     rng = np.random.default_rng([planned.number, 0xF11])
     craft, draws = perturbed(planned.craft, rng)
+    if craft.propeller is not None:
+        factor = craft["thrust_static"] / planned.craft["thrust_static"]
+        craft = craft.with_values({"thrust_slope": factor * planned.craft["thrust_slope"]}, "as the static thrust")
     craft = complete(craft)
     draws |= {name: float(rng.standard_normal()) for name in ("pitch_bias", "buoyancy_offset")}
     changes = {planned.cause: planned.change}
@@ -334,8 +339,8 @@ def _plan(planned: Campaign, craft: Vehicle) -> Plan:
         battery_range=0.3,
         pitch_slew_deg=1.5,
         pitch_deadband_deg=0.1,
-        ctd_s=4.0,
-        attitude_s=4.0,
+        ctd_s=8.0,
+        attitude_s=8.0,
         longest=200_000.0,
     )
 
@@ -352,7 +357,7 @@ def one(number: int, draws: int) -> dict[str, Any]:
             "kind": planned.kind,
             "separation": planned.separation,
             "vehicle": planned.craft.name,
-            "flown": scored(planned, flown.blocks, offsets, flown.report["settings"]),
+            "flown": scored(planned, flown.blocks, offsets, settled(planned, flown)),
             "drawn": drawn(planned, draws),
         }
     except Exception as error:
@@ -372,6 +377,13 @@ def flown_blocks(planned: Campaign) -> tuple[Summary, dict[str, float]]:
     offsets["pitch"] = -math.radians(flight.injection.pitch_bias_deg)
     offsets["battery_neutral_position"] = offsets.get("battery_neutral_position", 0.0) - flight.injection.battery_offset
     return found, offsets | {"water": 0.0, "turning": 0.0}
+
+
+def settled(planned: Campaign, flown: Summary) -> dict[str, Any]:
+    """Return the estimator's settings with the water as the blocks have it, which the report goes by."""
+    pitch_std = math.radians(planned.pitch_std_deg)
+    settings, ballast_std = flown.report["settings"], planned.ballast_std
+    return sea(flown.blocks, planned.craft, settings=settings, ballast_std=ballast_std, pitch_std=pitch_std)
 
 
 def _ignore(_estimates: pd.DataFrame) -> None:

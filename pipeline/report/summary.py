@@ -21,6 +21,7 @@ from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit, solvable
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Configuration
+from pipeline.report.fitting.sea import sea
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
@@ -46,13 +47,13 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
     )
     means = averages.means(comparison, settings)
     known: dict[str, Any] = {
-        "settings": settings,
         "ballast_std": mission.ballast.std,
         "pitch_std": math.radians(mission.pitch.std_deg),
         "use_sensor": sensor_used,
         "gps": gps,
         "configurations": [Configuration(item.name, *item.dives) for item in mission.configurations],
     }
+    known["settings"] = sea(blocks, inputs.vehicle, settings=settings, **known)
     passages = of_mission(inputs)
     begin, _ = solvable(blocks, inputs.vehicle, **known)
     told = () if begin is None or mission.gps == "ignore" or gps is not None else told_by(passages, begin.model)
@@ -87,7 +88,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
         "closure": closures(inputs, passages),
-        "hypotheses": rank(blocks, inputs.vehicle, **known),
+        "hypotheses": rank(blocks, inputs.vehicle, constraints=told, **known),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),
         "sensor": inputs.estimate.get("coverage"),

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.report.covariance import water_of
 from pipeline.report.fitting.causes import CAUSES, Cause
 from pipeline.report.fitting.evidence import Posterior, Prior, information, posterior, stated, with_cause
 from pipeline.report.fitting.experiment import Pair, experiment
@@ -141,6 +142,8 @@ def rank(
         "experiment": what,
         "ratio_together": together([one.ratio for one in tried]) if tried else math.nan,
         "std_factors": {term.name: term.factor for term in problem.terms if isinstance(term, Widened)},
+        "sigma_w_m_s": water_of(settings)[0],
+        "tau_w_s": water_of(settings)[1],
         "reason": "",
     }
 
@@ -398,5 +401,7 @@ def _refusal(reason: str) -> dict[str, Any]:
         "experiment": "",
         "ratio_together": math.nan,
         "std_factors": {},
+        "sigma_w_m_s": math.nan,
+        "tau_w_s": math.nan,
         "reason": reason,
     }

@@ -124,9 +124,9 @@ def test_the_order_in_which_causes_are_tried_changes_nothing(sure):
 
 
 def test_with_nothing_wrong_a_cause_is_named_in_few_cases(exact):
-    seeds = 60
-    named = [ranked(exact, blocks(dives=3, each=2, seed=s), settings=SETTINGS)["named"] for s in range(seeds)]
-    assert sum(bool(names) for names in named) <= 3
+    seeds = 40
+    named = [ranked(exact, blocks(dives=2, each=2, seed=s), settings=SETTINGS)["named"] for s in range(seeds)]
+    assert sum(bool(names) for names in named) <= 2
 
 
 def test_one_pitch_at_one_buoyancy_does_not_tell_ballast_from_pitch_or_water(sure):
