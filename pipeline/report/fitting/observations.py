@@ -165,7 +165,7 @@ def observe(
         As for `fit.fit`; the drag of a configuration beside the first is an unknown of the size of `causes.DRAG`.
     """
     points = Points.of(blocks, vehicle, configurations)
-    terms = (*measurements(points, settings, use_sensor, gps), *constraints)
+    terms = (*measurements(points, settings, use_sensor, gps), *(term.of(points) for term in constraints))
     priors = prior_stds(vehicle, points, ballast_std, pitch_std)
     priors = {name: std for name, std in priors.items() if std > 0.0 or name in ALWAYS} | {WATER: 0.0}
     priors |= dict.fromkeys(of_configurations(points), DRAG * vehicle["parasite_drag"])
