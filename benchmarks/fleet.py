@@ -48,6 +48,8 @@ PAUSE_S = (60.0, 300.0)
 DIVES, DEPTH = (2, 6), (50.0, 1000.0)
 PROPELLER_RPM = (600.0, 1400.0)
 STATED_PITCH_STD_DEG, STATED_BALLAST_STD = (0.1, 0.5), (0.1, 0.5)
+#: Propeller in level flight: slower, it does not drive a light vehicle down again.
+LEVEL_RPM = (750.0, 1000.0)
 #: Most records of a mission.
 RECORDS = 15_000
 #: Share of missions flown by the one vehicle with a thrust law, and of those under power.
@@ -280,7 +282,7 @@ class _Orders:
             stages.append(Stage(self.dive_pitch, self.rise, heading, **afloat))  # type: ignore[arg-type]
             stages.append(Stage(self.dive_pitch, self.sink, heading, "deeper", depth, rpm=diving))
             if self.power == "level":
-                rpm = min(self.rpm, 1000.0)
+                rpm = min(max(self.rpm, LEVEL_RPM[0]), LEVEL_RPM[1])
                 up, down = (_pitch_for(craft, angle, self.level_rise, rpm) for angle in (RISING_DEG, CORRECTING_DEG))
                 for _ in range(self.levels):
                     stages.append(Stage(up, self.level_rise, heading, "shallower", depth - self.band, rpm=rpm))
