@@ -6,8 +6,8 @@ calibrates the model of Merckelbach et al. (2010, 2019), is found on the path or
 
 - block fit: drag and ballast of 20 dives by generalised least squares, from the table of blocks to the covariance;
 - steady: the same two from comet, from raw samples of steady flight by gliderflight, from blocks here;
-- dynamic: the same two by gliderflight's unsteady model, and here by the filter-error method, which adjusts them with
-  hull and noise beside them.
+- dynamic: the same two by gliderflight's unsteady model, and here by the filter-error method, which adjusts the hull
+  beside them; the noise levels, which gliderflight has not, are those of a first run, whose time is printed, too.
 
 Both sides start from the same records, read already; everything is compiled and run once before. Each is the best of
 several runs, but for gliderflight's dynamic calibration, which is run once.
@@ -157,7 +157,9 @@ def beside_gliderflight(data: Path, raw: Path) -> list[bool]:
     dynamic = calibration(DynamicCalibrate(rho0=1004.0, k1=0.2, k2=0.98, max_CPUs=1))
     ours_steady, solution = best(lambda: solve(problem), 10)
     theirs_steady, by_steady = best(steady, 3)
-    ours_dynamic, adjusted = best(lambda: adjust.adjust([stretch], craft, [path], speed=False), 3)
+    searching, adjusted = best(lambda: adjust.adjust([stretch], craft, [path], speed=False), 1)
+    noise = adjusted.noise
+    ours_dynamic, adjusted = best(lambda: adjust.adjust([stretch], craft, [path], speed=False, noise=noise), 5)
     theirs_dynamic, by_dynamic = best(dynamic, 1)
     print(f"comet, {len(real.records)} records, {problem.size} blocks; change of drag, and of net buoyancy in N:")
     if solution is not None:
@@ -168,6 +170,7 @@ def beside_gliderflight(data: Path, raw: Path) -> list[bool]:
     )
     for name, theirs in (("steady ", by_steady), ("dynamic", by_dynamic)):
         print(f"  gliderflight, {name}      {theirs['Cd0'] / 0.15 - 1.0:+.3f} {-GRAVITY * (theirs['mg'] - 70.0):+.2f}")
+    print(f"  the filter-error method with its search for noise levels takes {searching:.2g} s")
     verdicts = []
     for name, theirs_s, ours_s, least in (
         ("steady", theirs_steady, ours_steady, LEAST_STEADY),

@@ -72,6 +72,7 @@ def adjust(
     *,
     speed: bool,
     speed_scale: float = Settings._field_defaults["speed_scale"],
+    noise: Noise | None = None,
 ) -> Adjusted:
     """Return the craft adjusted to the depth (and speed, if used) measured in `stretches`.
 
@@ -91,8 +92,12 @@ def adjust(
         Whether the speed sensor is a measurement.
     speed_scale
         1-sigma of its scale error.
+    noise
+        Noise levels that are known; searched for if left out.
     """
-    settings = noise_from(stretches[0].series)._replace(speed_scale=speed_scale)
+    search = noise is None
+    ordinary = noise_from(stretches[0].series)._replace(speed_scale=speed_scale)
+    settings = ordinary if noise is None else noise.settings
     powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
     if powered:
         std = craft.std.copy()
@@ -113,12 +118,13 @@ def adjust(
         value[HULL_TIME] = max(value[HULL_TIME], 0.0)
         value[RELATIVE] = np.maximum(value[RELATIVE], LEAST)
         craft = craft._replace(value=value)
-        if step in SEARCHES:
+        if search and step in SEARCHES:
             settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed).settings
-        elif np.max(np.abs(change)) < STILL and step > SEARCHES[-1]:
+        elif np.max(np.abs(change)) < STILL and (step > SEARCHES[-1] or not search):
             converged = True
             break
-    noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
+    if noise is None:
+        noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
     matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed), craft)
     columns = np.column_stack([_root(matrix, free), _step(matrix, gradient, free)]) * craft.std[:, None]
     return Adjusted(craft, noise, columns, _report(craft, columns, free, converged))

@@ -17,7 +17,7 @@ from pipeline.estimate.ballast import hull
 from pipeline.estimate.craft import PARAMETERS, Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import from_records
-from pipeline.estimate.settings import Settings
+from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.trajectory import first_guess
 from pipeline.simulate import Injection
 from pipeline.vehicle import Coefficient, Vehicle
@@ -27,7 +27,9 @@ RELATIVE = ("parasite_drag", "lift_slope", "induced_drag", "compressibility", "t
 CONSIDERED = ("pitch", "lift_slope", "induced_drag")
 
 
-def adjusted(flown: Flown, *, speed: np.ndarray | None = None, use: bool = False) -> Adjusted:
+def adjusted(
+    flown: Flown, *, speed: np.ndarray | None = None, use: bool = False, noise: Noise | None = None
+) -> Adjusted:
     """Return the force model adjusted to a mission; `speed` is what a sensor says."""
     body, _ = hull(flown.mission, flown.vehicle, {}, flown.records)
     assert body is not None
@@ -39,7 +41,7 @@ def adjusted(flown: Flown, *, speed: np.ndarray | None = None, use: bool = False
     guess = first_guess(found, flown.vehicle.polar)
     at = force.path(found, guess.speed, guess.pitch)
     craft = from_vehicle(flown.vehicle, flown.mission, body)
-    return adjust.adjust([adjust.Stretch(found, given)], craft, [at], speed=use)
+    return adjust.adjust([adjust.Stretch(found, given)], craft, [at], speed=use, noise=noise)
 
 
 class Member(NamedTuple):
@@ -151,6 +153,16 @@ def test_thrust_is_found_where_the_propeller_turned() -> None:
     found = adjusted(flown).report["parameters"]["thrust"]
     assert abs(found["value"] - 0.12) < 3.0 * found["std"]
     assert not found["verdict"].startswith("considered")
+
+
+def test_noise_levels_that_are_known_are_kept_and_lead_to_parameters_within_the_intervals() -> None:
+    flown = dives.fly(7, changes={"parasite_drag": 1.21}, every=10)
+    searched = adjusted(flown)
+    given = adjusted(flown, noise=searched.noise)
+    assert given.noise is searched.noise
+    for name in ("parasite_drag", "net_buoyancy"):
+        one, other = (found.report["parameters"][name] for found in (searched, given))
+        assert abs(one["value"] - other["value"]) < one["std"]
 
 
 # --- What cannot be told ----------------------------------------------------------------------------------------------
