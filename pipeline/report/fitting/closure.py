@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.report.covariance import Whitener, water, with_measurement
+from pipeline.report.covariance import Noise, Whitener, water, with_measurement
 from pipeline.report.fitting.passages import SEEN, Passages, ThroughWater
 
 Array = NDArray[np.float64]
@@ -117,7 +117,11 @@ def close(passages: Passages, through: ThroughWater) -> Closure:
         return Closure(
             *nothing, missing, math.nan, math.inf, Current(STRENGTH, LASTING), used, _current(passages, through, 1.0)
         )
-    fits = {current: _fit(passages, through, used, current) for current in _currents()}
+    unit = {lasting: water(passages.start[used], passages.end[used], 1.0, lasting) for _, lasting in _currents()}
+    noise = np.hypot(passages.over_ground_std, through.std)[used]
+    fits = {
+        current: _fit(over, model, _whitener(unit[current.lasting], current.strength, noise)) for current in _currents()
+    }
     weight = np.array([_prior(current) + fit.likelihood for current, fit in fits.items()])
     weight = np.exp(weight - weight.max())
     weight /= weight.sum()
@@ -149,26 +153,24 @@ def close(passages: Passages, through: ThroughWater) -> Closure:
     )
 
 
-def weights(start: Array, end: Array, noise: Array, current: Current) -> Whitener:
+def _whitener(unit: Noise, strength: float, noise: Array) -> Whitener:
     """Return what whitens velocities over ground, but for a constant current.
 
     Parameters
     ----------
-    start, end
-        Of the passages, s, shape (k,).
+    unit
+        Covariance of means of a current that changes by 1 m/s.
+    strength
+        By how much it does, m/s.
     noise
         1-sigma of either component by anything but the current, m/s, shape (k,).
-    current
-        How much it changes.
     """
-    return with_measurement(water(start, end, *current), np.maximum(noise, 1e-4)).whitener()
+    return with_measurement(Noise(strength**2 * unit.band), np.maximum(noise, 1e-4)).whitener()
 
 
-def _fit(passages: Passages, through: ThroughWater, used: NDArray[np.bool_], current: Current) -> _Fit:
+def _fit(over: Vector, model: Vector, whiten: Whitener) -> _Fit:
     """Return the generalised least squares of factor and constant current for given changes of the current."""
-    noise = np.hypot(passages.over_ground_std, through.std)[used]
-    whiten = weights(passages.start[used], passages.end[used], noise, current)
-    over, columns = _whitened(whiten, passages.over_ground[used]), _columns(whiten, through.velocity[used])
+    over, columns = _whitened(whiten, over), _columns(whiten, model)
     normal = (columns.conj().T @ columns).real + PRIOR
     covariance = np.linalg.inv(normal)
     found = covariance @ (columns.conj().T @ over).real
@@ -247,7 +249,8 @@ def _astray(passages: Passages, through: ThroughWater, used: NDArray[np.bool_]) 
 def _off(passages: Passages, through: ThroughWater, rows: NDArray[np.intp]) -> Array:
     """Return how far the velocity over ground of each of `rows` is from what the others predict, over its 1-sigma."""
     noise = np.hypot(passages.over_ground_std, through.std)[rows]
-    whiten = weights(passages.start[rows], passages.end[rows], noise, Current(STRENGTH, LASTING))
+    unit = water(passages.start[rows], passages.end[rows], 1.0, LASTING)
+    whiten = _whitener(unit, STRENGTH, noise)
     root, columns = whiten(np.eye(rows.size)), _columns(whiten, through.velocity[rows])
     covariance = np.linalg.inv((columns.conj().T @ columns).real + PRIOR)
     over = _whitened(whiten, passages.over_ground[rows])

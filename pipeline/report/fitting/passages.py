@@ -26,7 +26,9 @@ Whole = NDArray[np.int64]
 _JUDGED = ("pressure", "heading", "latitude", "longitude")
 NEEDED = ("time", "dive", "depth", *_JUDGED, *(f"{name}_qc" for name in _JUDGED))
 #: Above this depth (m) the vehicle is afloat.
-AFLOAT = 2.0
+AFLOAT = 1.0
+#: Samples of depth and heading closer together than this (s) are passed over.
+STEP = 5.0
 #: A pause between samples (s) longer than this says nothing of what was flown meanwhile.
 PAUSE = 300.0
 #: Shortest passage, s; longest time between two fixes of one drift at the surface, and the shortest such drift, s.
@@ -114,14 +116,15 @@ def find(records: pd.DataFrame) -> Passages:
     reason = reason or ("" if usable(records, "heading").sum() > 1 else NO_HEADING)
     if reason:
         return _none(reason)
-    track = _Track.of(time[known], records["depth"].to_numpy()[known], _heading(time, records, time[known]))
+    rows = _spaced(time, known)
+    track = _Track.of(time[rows], records["depth"].to_numpy()[rows], _heading(time, records, time[rows]))
     at = time[fixed]
     latitude, longitude = (records[name].to_numpy()[fixed] for name in ("latitude", "longitude"))
     east, north = apart(latitude[1:], longitude[1:], latitude[:-1], longitude[:-1])
     moved = east + 1j * north
     passing = track.under(at[:-1], at[1:]) >= SHORTEST
     drift, drift_std = _drifts(at, moved, passing)
-    rows: list[dict[str, Any]] = []
+    table: list[dict[str, Any]] = []
     left_out: list[dict[str, Any]] = []
     pieces: list[slice] = []
     for fix in np.flatnonzero(passing):
@@ -135,22 +138,22 @@ def find(records: pd.DataFrame) -> Passages:
         if why:
             left_out.append({"start": row["start"], "reason": why})
             continue
-        rows.append(row)
+        table.append(row)
         pieces.append(part)
-    if not rows:
+    if not table:
         return _none(left_out[0]["reason"] if left_out else NO_PASSAGE, tuple(left_out))
-    table = pd.DataFrame(rows)
-    middle = np.searchsorted(time, 0.5 * (table["start"] + table["end"]).to_numpy())
+    found = {name: np.array([row[name] for row in table]) for name in table[0]}
+    middle = np.searchsorted(time, 0.5 * (found["start"] + found["end"]))
     inside = np.concatenate([np.arange(piece.start, piece.stop) for piece in pieces])
-    number = np.repeat(np.arange(len(rows)), [piece.stop - piece.start for piece in pieces])
+    number = np.repeat(np.arange(len(table)), [piece.stop - piece.start for piece in pieces])
     kept = np.isfinite(track.step[inside])
     return Passages(
-        table["start"].to_numpy(),
-        table["end"].to_numpy(),
+        found["start"],
+        found["end"],
         records["dive"].to_numpy()[middle].astype(np.int64),
-        table["over_ground"].to_numpy(),
-        table["over_ground_std"].to_numpy(),
-        table["recorded"].to_numpy(),
+        found["over_ground"],
+        found["over_ground_std"],
+        found["recorded"],
         number[kept],
         track.time[inside][kept],
         track.step[inside][kept],
@@ -307,11 +310,20 @@ class _Track(NamedTuple):
 
 def _heading(time: Array, records: pd.DataFrame, at: Array) -> Array:
     """Return the true heading, rad, not wrapped, at instants; NaN where none was measured within `PAUSE`."""
-    known = usable(records, "heading")
-    clock, value = time[known], np.unwrap(records["heading"].to_numpy()[known])
+    rows = _spaced(time, usable(records, "heading"))
+    clock, value = time[rows], np.unwrap(records["heading"].to_numpy()[rows])
     after = np.clip(np.searchsorted(clock, at), 1, clock.size - 1)
     near = np.minimum(np.abs(clock[after] - at), np.abs(clock[after - 1] - at)) <= PAUSE / 2.0
     return np.where(near, np.interp(at, clock, value), np.nan)
+
+
+def _spaced(time: Array, known: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return of the instants that are `known` the first in every `STEP`, and the last."""
+    rows = np.flatnonzero(known)
+    slot = np.floor(time[rows] / STEP)
+    first = np.diff(slot, prepend=slot[0] - 1.0) > 0.0
+    first[-1] = True
+    return rows[first]
 
 
 def _drifts(time: Array, moved: Vector, passing: NDArray[np.bool_]) -> tuple[Vector, Array]:
