@@ -47,7 +47,8 @@ from pipeline.report.covariance import Whitener
 from pipeline.report.fitting.causes import CAUSES
 from pipeline.report.fitting.evidence import information, posterior, separation, stated, with_cause
 from pipeline.report.fitting.fit import fit
-from pipeline.report.fitting.hypotheses import NOTHING, rank
+from pipeline.report.fitting.hypotheses import rank
+from pipeline.report.fitting.judgement import NOTHING
 from pipeline.report.fitting.observations import BatteryPositions, observe
 from pipeline.report.fitting.regression import Problem
 from pipeline.report.fitting.sea import sea
@@ -414,7 +415,8 @@ def scored(
     ranked = rank(blocks, planned.craft, **known)
     fitted = fit(blocks, planned.craft, **known)
     tested = [row for row in ranked["rows"] if math.isfinite(row["ratio"])]
-    left_open = {*ranked["named"], *ranked["hidden"]} | {row["name"] for row in ranked["rows"] if row not in tested}
+    untold = {*ranked["named"], *ranked["hidden"], *ranked["hinted"]}
+    untold |= {row["name"] for row in ranked["rows"] if row not in tested or abs(planned.change) < row["seen_from"]}
     inside = []
     if planned.cause in (NOTHING, "sensor drag", "buoyancy error") and not fitted["reason"]:
         inside += [abs(x["value"] - offsets.get(x["name"], 0.0)) < BOUND * x["std"] for x in fitted["parameters"]]
@@ -426,9 +428,10 @@ def scored(
         "first_left_out": min(tested, key=lambda row: row["left_out_rmse_m_s"])["name"] if tested else "",
         "named": ranked["named"],
         "hidden": ranked["hidden"],
-        "left_open": not ranked["told_apart"] and planned.cause in left_open,
+        "left_open": len(ranked["named"]) != 1 and planned.cause in untold,
         "verdict": ranked["verdict"],
         "inside_fit": [bool(held) for held in inside],
+        "errors_cause": [(x["value"] - offsets.get(x["name"], 0.0)) / x["std"] for x in of_cause],
         "inside_cause": [bool(abs(x["value"] - offsets.get(x["name"], 0.0)) < BOUND * x["std"]) for x in of_cause],
         "std_factors": ranked["std_factors"],
     }

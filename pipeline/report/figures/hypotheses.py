@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.records import Column
 from pipeline.report.figures.drawing import HELD, INK, MEASURED, VOID, WIDTH, Drawn, Picture, canvas, picture, style
-from pipeline.report.fitting.hypotheses import POSITIVE, STRONG, VERY_STRONG
+from pipeline.report.fitting.judgement import POSITIVE, STRONG, VERY_STRONG
 
 COLUMNS = (
     Column("name", "", "what may be wrong", "string"),

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from pipeline.report.fitting.causes import CAUSES, Cause
 from pipeline.report.fitting.evidence import Posterior, Prior, information, posterior, stated, with_cause
 from pipeline.report.fitting.experiment import Pair, experiment
 from pipeline.report.fitting.fit import select
+from pipeline.report.fitting.judgement import NOTHING, POSITIVE, STRONG, Judged, Tried, sentence
 from pipeline.report.fitting.observations import BALANCE, BatteryPositions, Widened, observe
 from pipeline.report.fitting.parameters import COEFFICIENTS
 from pipeline.report.fitting.points import Configuration
@@ -29,9 +30,6 @@ from pipeline.report.fitting.regression import Problem
 from pipeline.report.fitting.terms import Constraint
 from pipeline.vehicle import Vehicle
 
-NOTHING = "nothing"
-#: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
-POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
 #: A cause would be seen where one of its size moves the data by this χ² (3-sigma).
 SEEN = 9.0
 #: Terms whose scatter shows whether it is as assumed.
@@ -40,34 +38,6 @@ SCATTERS = ("depth rates", BatteryPositions.name)
 LEAST = 3
 #: At most so many parts are left out in turn, each of whole dives.
 FOLDS = 5
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A cause that was put to the test.
-
-    `free` has the cause's unknown left to the data; `ratio` is 2 ln of its probability over that of nothing.
-    """
-
-    cause: Cause
-    column: int
-    spread: float
-    prior: Prior
-    found: Posterior
-    free: Posterior
-    ratio: float
-
-
-@dataclass(frozen=True)
-class Judged:
-    """The causes that are left, None for nothing; those that would not show: covered by what is stated, or unseen."""
-
-    rows: list[dict[str, Any]]
-    tried: Sequence[Tried]
-    apart: Sequence[Tried] | None
-    covered: Sequence[Tried]
-    unseen: Sequence[Tried]
-    pairs: Sequence[Pair]
 
 
 def rank(
@@ -95,8 +65,9 @@ def rank(
     Returns
     -------
     dict
-        For summary.json: ``rows``, ``verdict`` (a sentence), ``named`` (the causes it leaves), ``hidden`` (those that
-        these data could not show), ``told_apart``, ``experiment``, and ``reason`` where there is no ranking.
+        For summary.json: ``rows``, ``verdict`` (a sentence), ``named`` (the causes it leaves), ``hinted`` (more
+        probable than nothing, but too little), ``hidden`` (in ordinary size these data could not show them),
+        ``told_apart``, ``experiment``, and ``reason`` where there is no ranking.
     """
     chosen, reason = select(blocks, vehicle)
     if not reason and len(chosen) < LEAST:
@@ -135,10 +106,11 @@ def rank(
     what = experiment(chosen, observed, known, judged.pairs, use_sensor) if judged.pairs else ""
     return {
         "rows": rows,
-        "verdict": _sentence(judged, vehicle, what),
+        "verdict": sentence(judged, what),
         "named": [one.cause.name for one in judged.apart or []],
         "hidden": [one.cause.name for one in (*judged.covered, *judged.unseen)],
-        "told_apart": len(judged.apart) == 1 if judged.apart else not (judged.covered or judged.unseen),
+        "hinted": [one.cause.name for one in judged.hinted],
+        "told_apart": judged.told_apart,
         "experiment": what,
         "ratio_together": together([one.ratio for one in tried]) if tried else math.nan,
         "std_factors": {term.name: term.factor for term in problem.terms if isinstance(term, Widened)},
@@ -175,18 +147,24 @@ def _judged(problem: Problem, known: Prior, none: Posterior, tried: Sequence[Tri
         change = float(apart[0].found.x[apart[0].column])
         pairs = [(apart[0].cause.unknown, other.cause.unknown, change) for other in apart[1:]]
     rows = _rows(problem, known, none, tried)
+    by_name = {one.cause.name: one for one in tried}
     for row in rows:
-        one = next((one for one in tried if one.cause.name == row["name"]), None)
+        one = by_name.get(row["name"])
         if one is not None:
-            row["verdict"] = _verdict(one, apart, covered, unseen)
+            row |= {"verdict": _verdict(one, apart, covered, unseen), "seen_from": _seen_from(problem, known, one)}
         else:
-            row["verdict"] = "suffices" if apart is None else "does not suffice"
+            row |= {"verdict": "suffices" if apart is None else "does not suffice", "seen_from": math.nan}
     return Judged(rows, tried, apart, covered, unseen, pairs)
 
 
 def _size(one: Tried) -> float:
     """Return by how much the cause, of ordinary size, changes its unknown."""
     return math.hypot(one.spread, one.cause.expected)
+
+
+def _seen_from(problem: Problem, known: Prior, one: Tried) -> float:
+    """Return the least change by the cause that these data would show, in its unit."""
+    return math.sqrt(SEEN / max(float(information(problem, known, [one.column])[0, 0]), 1e-300))
 
 
 def _hidden(problem: Problem, known: Prior, tried: Sequence[Tried]) -> tuple[list[Tried], list[Tried]]:
@@ -320,7 +298,7 @@ def _verdict(one: Tried, apart: Sequence[Tried] | None, covered: Sequence[Tried]
 
 
 def _untried(cause: Cause, problem: Problem) -> dict[str, Any]:
-    none = dict.fromkeys(("left_out_rmse_m_s", "ratio", "bic", "delta_bic", "weight"), math.nan)
+    none = dict.fromkeys(("left_out_rmse_m_s", "ratio", "bic", "delta_bic", "weight", "seen_from"), math.nan)
     reason = f"not tested: {_untestable(cause, problem)}"
     return {"name": cause.name, "words": cause.words, "parameters": [], **none, "verdict": reason}
 
@@ -345,58 +323,13 @@ def left_out(problem: Problem, prior: Prior, found: Posterior) -> float:
     return math.sqrt(squares / problem.points.size)
 
 
-def _sentence(judged: Judged, vehicle: Vehicle, what: str) -> str:
-    """Return the verdict in words."""
-    if judged.apart is None:
-        return _nothing(judged, what)
-    if len(judged.apart) > 1:
-        names = _listed([one.cause.words for one in judged.apart], "and")
-        return f"{names} cannot be told apart from these data; {what}."
-    one = judged.apart[0]
-    row = next(row for row in judged.rows if row["name"] == one.cause.name)
-    return f"{one.cause.words} explains the difference: {_amount(row['parameters'][0])}."
-
-
-def _nothing(judged: Judged, what: str) -> str:
-    """Return the verdict in words where no cause is named."""
-    moved = next(row["parameters"] for row in judged.rows if row["name"] == NOTHING)
-    words = "Nothing needs explaining: what is stated of the vehicle and its instruments covers the difference"
-    if moved:
-        words += f"; {_amount(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
-    if judged.tried and judged.tried[0].ratio >= POSITIVE:
-        words += f"; {_lower(judged.tried[0].cause.words)} is hinted at, too weakly to be named"
-    words += "."
-    if judged.covered:
-        names = _listed([one.cause.words for one in judged.covered], "or")
-        words += f" {names} of ordinary size would lie within what is stated."
-    if judged.unseen:
-        names = _listed([one.cause.words for one in judged.unseen], "or")
-        words += f" {names} of ordinary size would not be seen in these data; {what}."
-    return words
-
-
-def _amount(item: Mapping[str, Any]) -> str:
-    share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
-    value = f"{item['symbol']} = {item['value']:+.3g} ± {item['std']:.2g} {item['unit']}"
-    return f"{value}{share}".replace("-", "−")
-
-
-def _lower(words: str) -> str:
-    return words[0].lower() + words[1:]
-
-
-def _listed(names: Sequence[str], word: str) -> str:
-    """Return names as part of a sentence that begins with the first."""
-    later = [_lower(name) for name in names[1:]]
-    return names[0] if not later else " ".join([", ".join([names[0], *later[:-1]]), word, later[-1]])
-
-
 def _refusal(reason: str) -> dict[str, Any]:
     return {
         "rows": [],
         "verdict": f"What may be wrong cannot be ranked: {reason}.",
         "named": [],
         "hidden": [],
+        "hinted": [],
         "told_apart": False,
         "experiment": "",
         "ratio_together": math.nan,

@@ -13,7 +13,8 @@ from pipeline.report.fitting.causes import CAUSES
 from pipeline.report.fitting.evidence import stated
 from pipeline.report.fitting.experiment import candidates
 from pipeline.report.fitting.fit import select
-from pipeline.report.fitting.hypotheses import NOTHING, rank, together
+from pipeline.report.fitting.hypotheses import rank, together
+from pipeline.report.fitting.judgement import NOTHING
 from pipeline.report.fitting.observations import BatteryPositions, Widened, observe
 from pipeline.vehicle import Coefficient, Vehicle
 
@@ -189,6 +190,28 @@ def test_causes_that_cannot_be_tried_say_why(sure, unknown):
     assert refused["reason"] == "the vehicle file leaves parasite_drag unknown"
     assert refused["rows"] == []
     assert refused["verdict"] == f"What may be wrong cannot be ranked: {refused['reason']}."
+
+
+def test_what_is_hinted_at_is_neither_named_nor_excluded(sure):
+    ratios = {}
+    for share in np.linspace(0.06, 0.2, 8):
+        found = ranked(sure, telling(extra_drag=share * 7.3579))
+        ratios[found["ratio_together"]] = found
+    hinted = [found for found in ratios.values() if found["hinted"]]
+    assert hinted
+    for found in hinted:
+        assert not found["named"]
+        assert not found["told_apart"]
+        assert "is hinted at, too weakly to be told from nothing" in found["verdict"]
+
+
+def test_more_dives_show_smaller_changes(sure):
+    few, many = (
+        {row["name"]: row["seen_from"] for row in ranked(sure, blocks(dives=dives, sigma_w=0.003))["rows"]}
+        for dives in (2, 12)
+    )
+    for name in ("sensor drag", "buoyancy error", "pitch bias", "water motion"):
+        assert 0.0 < many[name] < few[name]
 
 
 def test_two_blocks_are_too_few(sure):

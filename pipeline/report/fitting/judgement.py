@@ -1,0 +1,103 @@
+"""The verdict on the reasons for a difference: what is left of those that were tried, in one or a few sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.report.fitting.causes import Cause
+from pipeline.report.fitting.evidence import Posterior, Prior
+from pipeline.report.fitting.experiment import Pair
+
+NOTHING = "nothing"
+#: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
+POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A cause that was put to the test.
+
+    `free` has the cause's unknown left to the data; `ratio` is 2 ln of its probability over that of nothing.
+    """
+
+    cause: Cause
+    column: int
+    spread: float
+    prior: Prior
+    found: Posterior
+    free: Posterior
+    ratio: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The causes that are left, None for nothing; those that would not show: covered by what is stated, or unseen."""
+
+    rows: list[dict[str, Any]]
+    tried: Sequence[Tried]
+    apart: Sequence[Tried] | None
+    covered: Sequence[Tried]
+    unseen: Sequence[Tried]
+    pairs: Sequence[Pair]
+
+    @property
+    def hinted(self) -> list[Tried]:
+        """The causes that are more probable than nothing, where that is too little to name one."""
+        return [one for one in self.tried if one.ratio >= POSITIVE] if self.apart is None else []
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether one cause is left, or none and it would have been seen."""
+        if self.apart is not None:
+            return len(self.apart) == 1
+        return not (self.covered or self.unseen or self.hinted)
+
+
+def sentence(judged: Judged, what: str) -> str:
+    """Return the verdict in words; `what` is the experiment that would tell."""
+    if judged.apart is None:
+        return _nothing(judged, what)
+    if len(judged.apart) > 1:
+        names = _listed([one.cause.words for one in judged.apart], "and")
+        return f"{names} cannot be told apart from these data; {what}."
+    one = judged.apart[0]
+    row = next(row for row in judged.rows if row["name"] == one.cause.name)
+    return f"{one.cause.words} explains the difference: {_amount(row['parameters'][0])}."
+
+
+def _nothing(judged: Judged, what: str) -> str:
+    """Return the verdict in words where no cause is named."""
+    moved = next(row["parameters"] for row in judged.rows if row["name"] == NOTHING)
+    words = "Nothing needs explaining: what is stated of the vehicle and its instruments covers the difference"
+    if moved:
+        words += f"; {_amount(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
+    words += "."
+    if judged.hinted:
+        names = _listed([one.cause.words for one in judged.hinted], "or")
+        words += f" {names} is hinted at, too weakly to be told from nothing."
+    if judged.covered:
+        names = _listed([one.cause.words for one in judged.covered], "or")
+        words += f" {names} of ordinary size would lie within what is stated."
+    if judged.unseen:
+        names = _listed([one.cause.words for one in judged.unseen], "or")
+        words += f" {names} of ordinary size would not be seen in these data; {what}."
+    return words
+
+
+def _amount(item: Mapping[str, Any]) -> str:
+    share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
+    value = f"{item['symbol']} = {item['value']:+.3g} ± {item['std']:.2g} {item['unit']}"
+    return f"{value}{share}".replace("-", "−")
+
+
+def _lower(words: str) -> str:
+    return words[0].lower() + words[1:]
+
+
+def _listed(names: Sequence[str], word: str) -> str:
+    """Return names as part of a sentence that begins with the first."""
+    later = [_lower(name) for name in names[1:]]
+    return names[0] if not later else " ".join([", ".join([names[0], *later[:-1]]), word, later[-1]])
