@@ -53,6 +53,9 @@ LOGS: dict[str, dict[str, Channel]] = {
         "roll": Channel("roll", "deg", DEGREES, 0.3, 0.2, 1),
         "heading": Channel("heading", "deg", DEGREES, 0.5, 0.5, 1),
     },
+    "gyro": {
+        "pitch_rate": Channel("pitch_rate", "deg/s", DEGREES, 0.2, 0.05, 3),
+    },
     "engine": {
         "buoyancy_volume": Channel("oil", "cc", 1e6, 0.0, 0.5, 0),
         "battery_position": Channel("battery", "mm", 1e3, 0.0, 0.05, 1),
@@ -101,12 +104,16 @@ def observe(plan: Plan, truth: pd.DataFrame, seed: int, pitch_bias: float) -> di
     motion = {
         "depth": truth["depth"].to_numpy(),
         "pitch": truth["pitch"].to_numpy() + pitch_bias,
+        "pitch_rate": truth["pitch_rate"].to_numpy(),
         "roll": BANKING * np.gradient(heading, time),
         "heading": heading,
         **{name: truth[name].to_numpy() for name in LOGS["engine"]},
     }
     streams = {}
-    for name, interval in (("ctd", plan.ctd_s), ("attitude", plan.attitude_s), ("engine", plan.engine_s)):
+    carried = {"ctd": plan.ctd_s, "attitude": plan.attitude_s, "engine": plan.engine_s, "gyro": plan.gyro_s}
+    for name, interval in carried.items():
+        if not interval:
+            continue
         rng = generator(seed, plan, name)
         clock = _clock(rng, time[0], time[-1], interval, plan)
         seen = {key: np.interp(clock, time, value) for key, value in motion.items()}

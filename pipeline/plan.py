@@ -115,8 +115,8 @@ class Plan:
         Pitch autopilot: slew of the commanded pitch °/s, error left alone °, m/rad, m/(rad s).
     heading_wander_deg
         1-sigma of the heading's Gauss-Markov wander (60 s), degrees.
-    ctd_s, attitude_s, engine_s, gps_s, gps_delay_s
-        Sampling intervals, and the time from surfacing to the first fix, s.
+    ctd_s, attitude_s, engine_s, gyro_s, gps_s, gps_delay_s
+        Sampling intervals (without a gyro, 0), and the time from surfacing to the first fix, s.
     minimum_block_s
         Shortest steady flight worth comparing, s, for mission.yaml.
     noise
@@ -162,6 +162,7 @@ class Plan:
     ctd_s: float = 2.0
     attitude_s: float = 4.0
     engine_s: float = 8.0
+    gyro_s: float = 0.0
     gps_s: float = 10.0
     gps_delay_s: float = 30.0
     minimum_block_s: float = 60.0

@@ -58,6 +58,7 @@ MEASURED = (
     Column("temperature", "degC", "in-situ temperature, ITS-90"),
     Column("conductivity", "S/m", "conductivity"),
     Column("pitch", "rad", "pitch, nose up positive"),
+    Column("pitch_rate", "rad/s", "rate of pitch by a gyro, nose up positive"),
     Column("roll", "rad", "roll, right wing down positive"),
     Column("heading", "rad", "heading, true north, 0 to 2 pi"),
     Column("buoyancy_volume", "m3", "buoyancy engine, positive = light"),

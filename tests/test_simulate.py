@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from pipeline import mission, store
+from pipeline import instruments, mission, store
 from pipeline.findings import InputError
 from pipeline.instruments import LOGS
 from pipeline.model.dynamics import body_of, jacobian
@@ -198,6 +198,21 @@ def test_each_instrument_keeps_its_own_clock(name: str) -> None:
     assert max(np.diff(streams[key]["time"]).max() for key in ("ctd", "attitude", "engine")) > 10.0
     shared = set(streams["ctd"]["time"]) & set(streams["attitude"]["time"])
     assert len(shared) < 0.01 * len(streams["ctd"])
+
+
+def test_a_gyro_is_carried_where_the_plan_says_so_and_changes_no_other_instrument(tmp_path: Path) -> None:
+    plan = dataclasses.replace(trial(GLIDING), gyro_s=1.0)
+    _, without = trial_run(GLIDING)
+    streams = instruments.observe(plan, without.truth, 0, 0.0)
+    assert "gyro" not in without.streams
+    time = seconds(without.truth["time"])
+    error = streams["gyro"]["pitch_rate"] - np.interp(streams["gyro"]["time"], time, without.truth["pitch_rate"])
+    assert np.degrees(error.std()) == pytest.approx(0.05, rel=0.05)
+    assert abs(np.degrees(error.mean())) < 3.0 * LOGS["gyro"]["pitch_rate"].offset
+    for name, frame in without.streams.items():
+        pd.testing.assert_frame_equal(streams[name], frame, check_exact=True)
+    instruments.write(plan, {"gyro": streams["gyro"].head(3)}, tmp_path, 0)
+    assert (tmp_path / "gyro.csv").read_text().startswith("time,pitch_rate [deg/s]\n")
 
 
 @pytest.mark.parametrize("name", TRIALS)

@@ -33,6 +33,7 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         judged[method] = consistency(total)
     seen, size = _sum(parts, "kinematic")
     shares = np.sum([part.shares for part in parts], axis=0)
+    turned = any(np.isfinite((model.noise.settings.turn_drift, model.noise.settings.turn_drift_manoeuvre)))
     report: dict[str, Any] = {
         "observable_share": seen / size,
         "reasons": _reasons(parts, "kinematic"),
@@ -44,7 +45,7 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         },
         "settings": model.noise.settings._asdict()
         | {"engine": prepared.engine, "pitch_std_deg": prepared.mission.pitch.std_deg},
-        "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes},
+        "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes, "pitch_rate": turned},
         "compatibility": parts[0].compatibility if len(parts) == 1 else _joined(parts),
     }
     report["speed_scale"] = {
@@ -117,7 +118,7 @@ def nothing() -> dict[str, Any]:
         "gps": None,
         "share_of_variance": {},
         "settings": {},
-        "used": {"speed_sensor": False, "fixes": False},
+        "used": {"speed_sensor": False, "fixes": False, "pitch_rate": False},
         "compatibility": {},
         "speed_scale": {},
         "force": {"reason": "no records"},

@@ -206,7 +206,8 @@ def _smoothed(problem: Problem, series: Series, at: Path) -> Path:
     plain = problem._replace(
         shift=np.ascontiguousarray(problem.shift[:, :, :1]), observed_by=np.empty((len(problem.seen), 0))
     )
-    return smoothed(series, smoother.solve(plain if c > 1 else problem, whole=False).mean[:, :, 0], at)
+    mean = smoother.solve(plain if c > 1 else problem, whole=False).mean[:, :, 0]
+    return smoothed(series, mean, at, scaled=bool(problem.weight[2, 1]))
 
 
 def _likeliest(

@@ -17,10 +17,10 @@ from numba import njit
 from pipeline.estimate import told
 from pipeline.estimate.craft import BIAS, EXPANSION, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_thermal_lag
-from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured
+from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured, pitching
 from pipeline.estimate.noise import left_open
 from pipeline.estimate.problem import Problem, Solution
-from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_scale
+from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_rate, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import Flight, Solve
@@ -100,6 +100,7 @@ def _fill(
     time: np.ndarray,
     manoeuvre: np.ndarray,
     afloat: np.ndarray,
+    drift: np.ndarray,
     force: Forcing,
     at: Path,
     s: Settings,
@@ -207,7 +208,7 @@ def _fill(
             d[LOAD] = math.exp(-dt / s.load_time)
             w[LOAD] = s.load**2 * (1.0 - d[LOAD] ** 2)
         quick = manoeuvre[k]
-        q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
+        q_t = drift[k]
         tau = -1.0 / rate_v
         phi_v = math.exp(-dt / tau)
         reach = tau * (1.0 - phi_v)  # ∫ of the decay over the step
@@ -291,6 +292,7 @@ def linearise(
     force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
     noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
+    moving, turning = pitching(series, s)
     _fill(
         craft.polar,
         craft.propeller,
@@ -300,6 +302,7 @@ def linearise(
         series.time,
         series.manoeuvre,
         series.afloat,
+        moving.drift,
         force,
         at,
         settings,
@@ -333,6 +336,7 @@ def linearise(
         observed_by @ mixed,
         variance,
     )
+    problem = with_rate(problem, series.time, PITCH, moving.turn, turning, (s.gyro_bias, s.gyro_bias_drift))
     if speed:
         problem = with_scale(problem, series.time, np.maximum(at.speed, LEAST), at.scale, s.speed_scale, (2,))
     return problem, np.concatenate([alphas[:, :3], alphas[:, 3:] @ mixed], axis=1)
@@ -347,10 +351,10 @@ def path(series: Series, speed: np.ndarray, pitch: np.ndarray, scale: float = 0.
     return Path(np.clip(speed, LEAST, MOST), np.clip(pitch, -STEEPEST, STEEPEST), turning, scale)
 
 
-def smoothed(series: Series, mean: np.ndarray, at: Path) -> Path:
-    """Return the path through smoothed states, shape (m, n), of the problem that is linear along `at`."""
+def smoothed(series: Series, mean: np.ndarray, at: Path, *, scaled: bool) -> Path:
+    """Return the path through smoothed states, shape (m, n), linear along `at`, the last a sensor's if `scaled`."""
     scale = 0.0
-    if mean.shape[1] > LOAD + 1:
+    if scaled:
         scale = around(scale_of(mean[:, -1], np.maximum(at.speed, LEAST), at.scale), np.isfinite(series.speed))
     return path(series, mean[:, SPEED], mean[:, PITCH], scale)
 
@@ -380,6 +384,7 @@ def solve(
         Engine.
     """
     settings = adjusted.noise.settings
+    scaled = speed and settings.speed_scale > 0.0
 
     def mean_at(settings: Settings, at: Path) -> np.ndarray:
         nothing = np.empty((len(PARAMETERS), 0))
@@ -387,7 +392,7 @@ def solve(
         return solver(problem, whole=False).mean[:, :, 0]
 
     for _ in range(ITERATIONS):
-        new = smoothed(series, mean_at(settings, at), at)
+        new = smoothed(series, mean_at(settings, at), at, scaled=scaled)
         change = float(np.max(np.abs(new.speed - at.speed)))
         at = new
         if change < 1e-5:
@@ -399,7 +404,7 @@ def solve(
     alphas = np.pad(alphas, ((0, 0), (0, unknown.shape[2])))
     slip = np.where(series.manoeuvre, settings.slip_manoeuvre, settings.slip)
     scale = None
-    if speed and settings.speed_scale:
+    if scaled:
         held = told.nothing(solution.mean.shape[2] - 1)
         scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
     return Flown(_flight(solution, alphas, slip), problem, solution, scale)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.estimate.problem import Problem
-from pipeline.estimate.sensors import with_scale
+from pipeline.estimate.sensors import with_rate, with_scale
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 from pipeline.model.closure import best_glides, glide_near, parasite
@@ -80,6 +80,13 @@ class Course(NamedTuple):
     new_setting: np.ndarray
 
 
+class Pitching(NamedTuple):
+    """How θ moves from one record to the next, each of shape (m,)."""
+
+    turn: np.ndarray  # rad, by a gyro; 0 where none is used
+    drift: np.ndarray  # rad2/s, random walk
+
+
 @njit(cache=True, nogil=True)
 def integrated(sigma: float, tau: float, dt: float, phi: float) -> tuple[float, float, float, float]:
     """Return mean weight and noise (variance, covariance, variance of integral) of a Gauss–Markov process.
@@ -130,6 +137,7 @@ def _fill(
     polar: Polar,
     moved: np.ndarray,
     course: Course,
+    pitching: Pitching,
     at: Trajectory,
     s: Settings,
     decay: np.ndarray,
@@ -179,7 +187,7 @@ def _fill(
                 turned = by_turn * (at.pitch[k + 1] - at.pitch[k])
                 q_v += (s.pitch_share * by_turn * v) ** 2 * s.pitch_drift
             q_v *= s.unsteadiness
-        q_t = s.pitch_drift_manoeuvre if quick else s.pitch_drift
+        q_t = pitching.drift[k]
         sigma_s, tau_s = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
         if powered:
             sigma_s = max(sigma_s, SPAN * abs(alpha))
@@ -204,7 +212,7 @@ def _fill(
         q[RESPONSE] = (s.response_drift if quick else 0.0) * dt
         F[0, source], F[0, PITCH], F[0, DEPTH] = z_v * dt, z_t * dt, 1.0
         F[0, WATER], F[0, SLIP] = -w_weight, z_s * s_weight
-        b[0, 0] = dt * (rate - z_v * v - z_t * pitch) - z_s * s_weight * at.slip[k]
+        b[0, 0] = dt * (rate - z_v * v - z_t * (pitch - 0.5 * pitching.turn[k])) - z_s * s_weight * at.slip[k]
         q[SPEED], q[PITCH], q[WATER], q[SLIP] = q_v * dt, q_t * dt, w_var, s_var
         if source == SPEED:
             x[SPEED] = z_v * q_v * dt * dt / 2.0
@@ -237,6 +245,15 @@ def _fill(
                 if n > EAST:
                     b[2, 2 + i] = along[0] * v * sine * change * dt
                     b[3, 2 + i] = along[1] * v * sine * change * dt
+
+
+def pitching(series: Series, settings: Settings) -> tuple[Pitching, np.ndarray]:
+    """Return how θ moves, and where a gyro says so, boolean of shape (m,)."""
+    s, quick = settings, series.manoeuvre
+    left = np.where(quick, s.turn_drift_manoeuvre, s.turn_drift)
+    seen = np.isfinite(series.turn) & np.isfinite(left)
+    drift = np.where(quick, s.pitch_drift_manoeuvre, s.pitch_drift)
+    return Pitching(np.where(seen, series.turn, 0.0), np.where(seen, left, drift)), seen
 
 
 def measured(series: Series, settings: Settings, kinds: int, *, speed: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -294,7 +311,8 @@ def linearise(
     Returns
     -------
     Problem
-        With 6 states, or 11 with fixes; one more, the last, for the scale of a speed sensor.
+        With 6 states, or 11 with fixes; then one for the bias of a gyro, and one, the last, for the scale of a speed
+        sensor.
     """
     m, s = series.time.size, settings
     n, p = (11, 6 + sources.speed) if sources.fixes else (6, 3)
@@ -304,10 +322,12 @@ def linearise(
     r = coupled.size
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, r, n)), np.zeros((m, r, 1 + c))
     noise, cross = np.zeros((m, n)), np.zeros((m, n))
+    moving, seen_turning = pitching(series, s)
     _fill(
         polar,
         moved,
         Course(*(getattr(series, name) for name in Course._fields)),
+        moving,
         at,
         settings,
         decay,
@@ -354,6 +374,7 @@ def linearise(
         observed_by,
         variance,
     )
+    problem = with_rate(problem, series.time, PITCH, moving.turn, seen_turning, (s.gyro_bias, s.gyro_bias_drift))
     if not sources.speed:
         return problem
     kinds = (2, 6) if sources.fixes else (2,)

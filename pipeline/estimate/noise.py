@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pipeline.estimate import kalman
+from pipeline.estimate.gyro import walks
 from pipeline.estimate.linearise import Sources, Trajectory, linearise
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -34,9 +35,13 @@ def noise_from(series: Series) -> Settings:
     calm, usual = ~series.manoeuvre, Settings()
     depth_noise, _ = _noise_and_drift(series.time, series.depth, calm, (usual.depth_noise, 0.0))
     pitch_noise, pitch_drift = _noise_and_drift(series.time, series.pitch, calm, (usual.pitch_noise, usual.pitch_drift))
+    pitch_noise = float(np.clip(pitch_noise, np.radians(0.05), np.radians(2.0)))
+    left = walks(series.time, series.pitch, series.turn, series.manoeuvre, ~series.afloat, pitch_noise)
     return Settings(
         depth_noise=float(np.clip(depth_noise, 0.01, 1.0)),
-        pitch_noise=float(np.clip(pitch_noise, np.radians(0.05), np.radians(2.0))),
+        pitch_noise=pitch_noise,
+        turn_drift=left.steady,
+        turn_drift_manoeuvre=left.manoeuvre,
         pitch_drift=float(np.clip(pitch_drift, np.radians(0.01) ** 2, np.radians(0.5) ** 2)),
     )
 

@@ -2,7 +2,7 @@
 
 A speed sensor reads (1 + s) V, s a factor that hardly changes. Around V_0 and s_0 that is linear in V and in
 u = s V_0 / (1 + s_0), a speed; divided by 1 + s_0 the weights of both are one, and u follows V_0 from instant to
-instant.
+instant. A gyro's rate of pitch is an input, see `gyro`, and its bias the state.
 """
 
 from __future__ import annotations
@@ -27,6 +27,52 @@ class Scale(NamedTuple):
 
     value: float
     std: float
+
+
+def with_rate(
+    problem: Problem,
+    time: np.ndarray,
+    pitch: int,
+    turn: np.ndarray,
+    turning: np.ndarray,
+    bias: tuple[float, float],
+) -> Problem:
+    """Return `problem` with pitch moved by a gyro, whose bias is one more state, the last.
+
+    Parameters
+    ----------
+    problem
+        The problem, in which pitch is a random walk; m instants, n states.
+    time
+        Instants, s, shape (m,).
+    pitch
+        The state that is pitch.
+    turn
+        By how much the gyro says that pitch turns from each instant to the next, bias included, rad, shape (m,).
+    turning
+        Where it says so, boolean of shape (m,); if nowhere the problem stays as it is.
+    bias
+        1-sigma of the bias before the mission, rad/s, and its random walk, rad²/s³.
+    """
+    if not turning.any():
+        return problem
+    (m, n), r = problem.decay.shape, len(problem.coupled)
+    step = np.append(np.maximum(np.diff(time), 1e-3), 0.0)
+    rows, shift = np.zeros((m, r + 1, n + 1)), np.zeros((m, r + 1, problem.shift.shape[2]))
+    rows[:, :r, :n], shift[:, :r] = problem.rows, problem.shift
+    rows[:, r, pitch], rows[:, r, n], shift[:, r, 0] = 1.0, np.where(turning, -step, 0.0), turn
+    covariance = np.zeros((n + 1, n + 1))
+    covariance[:n, :n], covariance[n, n] = problem.covariance_0, bias[0] ** 2
+    return problem._replace(
+        mean_0=np.append(problem.mean_0, 0.0),
+        covariance_0=covariance,
+        decay=np.column_stack([problem.decay, np.ones(m)]),
+        coupled=np.append(problem.coupled, pitch),
+        rows=rows,
+        shift=shift,
+        noise=np.column_stack([problem.noise, bias[1] * step]),
+        cross=np.column_stack([problem.cross, np.zeros(m)]),
+    )
 
 
 def with_scale(

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
+from pipeline.estimate.gyro import turns
 from pipeline.geodesy import apart
 from pipeline.records import Phase, seconds, usable
 
@@ -35,6 +36,7 @@ class Series:
     time: np.ndarray  # s since then
     depth: np.ndarray  # m, measured
     pitch: np.ndarray  # rad, measured
+    turn: np.ndarray  # rad, by which pitch turns up to the next record, by a gyro
     speed: np.ndarray  # m/s, by a sensor
     speed_std: np.ndarray
     east: np.ndarray  # m from the first fix
@@ -99,6 +101,7 @@ def from_records(records: pd.DataFrame) -> Series:
         time=time,
         depth=depth,
         pitch=pitch,
+        turn=turns(time, np.where(usable(records, "pitch_rate"), records["pitch_rate"].to_numpy(), np.nan)),
         speed=speed,
         speed_std=speed_std,
         east=east,

@@ -15,7 +15,11 @@ class Settings(NamedTuple):
     swell: float = 1e-5  # m2/s, random walk of depth: vertical motion too quick to last, such as waves
     pitch_noise: float = math.radians(0.2)  # rad
     pitch_drift: float = math.radians(0.05) ** 2  # rad2/s, random walk of θ in steady flight
+    turn_drift: float = math.nan  # rad2/s, of θ less the integrated pitch rate in steady flight; NaN: no gyro is used
+    turn_drift_manoeuvre: float = math.nan  # rad2/s, the same in manoeuvres
 
+    gyro_bias: float = math.radians(0.5)  # rad/s, 1-sigma of the bias of a gyro
+    gyro_bias_drift: float = math.radians(0.02) ** 2 / 3600.0  # rad2/s3, random walk of it
     current_drift: float = 7e-7  # m2/s3, random walk of the current
     unsteadiness: float = 0.5  # factor on the variances by which V departs from a steady glide: the three below
     speed_drift: float = 1e-7  # m2/s3, random walk of V in steady flight in homogeneous water

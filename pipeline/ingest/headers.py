@@ -16,6 +16,7 @@ _SYNONYMS: dict[str, str] = {
     "conductivity": "conductivity cond water_cond cndc c0s",
     "salinity": "salinity psal practical_salinity sal",
     "pitch": "pitch pitch_angle pitchang theta pitch_ang",
+    "pitch_rate": "pitch_rate pitchrate pitch_angular_rate pitch_gyro gyro_pitch",
     "roll": "roll roll_angle rollang roll_ang bank",
     "heading": "heading head yaw hdg heading_angle true_heading compass course_angle",
     "buoyancy_volume": "buoyancy_volume buoyancy ballast ballast_volume ballast_pumped ballastpos pump_vol pump_volume "

@@ -28,6 +28,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "temperature": (-3.0, 45.0),
     "conductivity": (0.0, 9.0),
     "pitch": (-math.pi / 2, math.pi / 2),
+    "pitch_rate": (-1.0, 1.0),
     "roll": (-math.pi, math.pi),
     "heading": (-2 * math.pi, 4 * math.pi),
     "buoyancy_volume": (-0.02, 0.02),
@@ -42,6 +43,7 @@ RANGES: dict[str, tuple[float, float]] = {
 
 _FASTEST = 3.0  # dbar/s, no glider dives or climbs faster
 _SPIKE = (3.0, 30.0)  # dbar, least and greatest departure from the running median that counts as one
+_RATE_SPIKE = 0.05  # rad/s
 _WINDOW = 7  # samples of the running median
 _STUCK_SAMPLES, _STUCK_SECONDS, _STUCK_DBAR = 25, 120.0, 20.0
 _OFFSET = 0.5  # dbar at the surface worth a note
@@ -83,6 +85,8 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
                 bad["in a spike"] = _at(usable, pressure_spikes(time[usable], values[usable]))
             elif column == "temperature":
                 bad["in a spike"] = _at(usable, temperature_spikes(values[usable]))
+            elif column == "pitch_rate":
+                bad["in a spike"] = _at(usable, rate_spikes(values[usable]))
             elif column == "pitch" and reference is not None:
                 bad["of a stuck sensor"] = _at(usable, stuck(time[usable], values[usable], *reference))
             for what, mask in bad.items():
@@ -117,6 +121,23 @@ def pressure_spikes(time: Array, pressure: Array) -> Mask:
     departure = np.abs(pressure - median_filter(pressure, _WINDOW, mode="nearest"))
     usual = 10.0 * float(np.median(step))
     return np.asarray((departure > np.clip(_FASTEST * apart, *_SPIKE)) & (apart <= max(usual, 60.0)))
+
+
+def rate_spikes(rate: Array) -> Mask:
+    """Return where `rate` of pitch [rad/s], shape (n,), leaves both of its neighbours to one side, and they agree.
+
+    A spike departs from them by more than 0.05 rad/s (3°/s) and eight times the noise, which is the median of the
+    third differences; the neighbours differ by less than 0.4 of that.
+    """
+    spikes = np.zeros(rate.size, dtype=bool)
+    if rate.size < 8:
+        return spikes
+    noise = float(np.median(np.abs(np.diff(rate, 3)))) / (0.6745 * math.sqrt(20.0))
+    before, after = rate[1:-1] - rate[:-2], rate[1:-1] - rate[2:]
+    least = np.minimum(np.abs(before), np.abs(after))
+    spikes[1:-1] = (before * after > 0.0) & (least > max(_RATE_SPIKE, 8.0 * noise))
+    spikes[1:-1] &= np.abs(rate[2:] - rate[:-2]) < 0.4 * least
+    return spikes
 
 
 def temperature_spikes(temperature: Array) -> Mask:

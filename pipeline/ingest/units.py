@@ -30,6 +30,7 @@ class Dimension:
 
 
 _ANGLE = Dimension("angle", {"rad": (1.0, 0.0), "deg": (math.pi / 180.0, 0.0)})
+_TURNING = Dimension("angular rate", {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 180.0, 0.0)})
 _LENGTH = Dimension(
     "length", {"m": (1.0, 0.0), "cm": (0.01, 0.0), "mm": (0.001, 0.0), "in": (0.0254, 0.0), "ft": (0.3048, 0.0)}
 )
@@ -64,6 +65,7 @@ QUANTITIES: dict[str, Dimension] = {
     "conductivity": _CONDUCTIVITY,
     "salinity": _SALINITY,
     "pitch": _ANGLE,
+    "pitch_rate": _TURNING,
     "roll": _ANGLE,
     "heading": _ANGLE,
     "buoyancy_volume": _VOLUME,
@@ -132,6 +134,11 @@ _SPELLINGS = {
     "rev/min": "rpm",
     "r/min": "rpm",
     "rad_s": "rad/s",
+    "rads-1": "rad/s",
+    "deg_s": "deg/s",
+    "degs-1": "deg/s",
+    "°/s": "deg/s",
+    "dps": "deg/s",
     "watt": "w",
     "watts": "w",
     "m_s": "m/s",
@@ -198,7 +205,8 @@ def convert(values: Array, name: str, unit: str, file: str, column: str) -> Arra
 def by_range(values: Array, name: str) -> str:
     """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
 
-    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees; temperatures around 300 are kelvin; conductivity
+    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per
+    second; temperatures around 300 are kelvin; conductivity
     above 8 is mS/cm and above 200 µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05
     litres; battery positions beyond 2 are mm; propeller speeds beyond 60 are rpm; speeds beyond 5 are cm/s; positions
     beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together. Else the unit of the records.
@@ -212,6 +220,8 @@ def by_range(values: Array, name: str) -> str:
     match name:
         case "pitch" | "roll" | "battery_roll":
             return "deg" if top > 1.6 else "rad"
+        case "pitch_rate":
+            return "deg/s" if top > 0.35 else "rad/s"
         case "heading":
             return "deg" if top > 6.4 else "rad"
         case "temperature":

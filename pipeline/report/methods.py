@@ -90,6 +90,8 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
             f"filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were "
             f"{'adjusted, too' if sensor_used else 'considered (Schmidt, 1966)'}."
         )
+    if (inputs.estimate.get("used") or {}).get("pitch_rate"):
+        text += " A gyro's rate of pitch moved the pitch from sample to sample; its bias was estimated."
     if sensor_used:
         text += (
             f" The speed sensor entered the estimates, its scale error, {100 * mission.speed_sensor_scale_std:g} % "

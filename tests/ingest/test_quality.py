@@ -67,6 +67,18 @@ def test_turning_points_and_gaps_are_no_spikes(step: float, fly: Callable[..., o
     assert findings == []
 
 
+def test_a_rate_of_pitch_that_jumps_and_returns_is_a_spike_and_a_turn_is_none() -> None:
+    turn = 0.08 * np.exp(-(np.arange(-40.0, 41.0) ** 2) / 20.0)
+    assert not quality.rate_spikes(turn).any()
+    turn[[20, 60]] += [0.3, -0.3]
+    assert np.flatnonzero(quality.rate_spikes(turn)).tolist() == [20, 60]
+    noisy = turn + 0.03 * np.random.default_rng(0).standard_normal(turn.size)
+    assert np.flatnonzero(quality.rate_spikes(noisy)).tolist() == [20, 60]
+    assert not quality.rate_spikes(turn[:7]).any()
+    (frame,), _ = quality.checked([_stream(time=np.arange(81.0), pitch_rate=np.where(np.arange(81) == 3, 1.5, turn))])
+    assert np.flatnonzero(frame["pitch_rate_qc"] == Quality.BAD).tolist() == [3, 20, 60]
+
+
 def test_argos_spike_test_flags_a_temperature_that_jumps_and_returns_but_no_thermocline() -> None:
     temperature = np.r_[np.full(10, 20.0), np.full(10, 8.0)]
     assert not quality.temperature_spikes(temperature).any()
