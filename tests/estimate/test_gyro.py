@@ -86,7 +86,7 @@ def test_no_gyro_is_believed_to_be_perfect() -> None:
 
 
 def test_turns_and_bias_are_those_of_a_textbook_filter() -> None:
-    case = problem(2, m=30, n=5, missing=0.2)
+    case = problem(2, m=30, size=(5, 2), missing=0.2)
     pitch = next(i for i in range(5) if i not in case.coupled and i != case.driven)
     decay = case.decay.copy()
     decay[:, pitch] = 1.0
