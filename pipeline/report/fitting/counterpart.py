@@ -81,10 +81,18 @@ def counterpart(fitted: Mapping[str, Any], force: Mapping[str, Any], *, sensor_u
         "lets net buoyancy wander slowly instead. With them kept, and without the prior of the drag, this fit gives "
         f"{amount(kept['percent'], kept['percent_std'])} %."
     )
-    out["sentences"].append(
-        "A speed sensor was used by both: what is left of the difference is the shape of the theory."
-        if sensor_used
-        else "Depth rates alone do not tell drag from lift, so trust neither better than to the difference of the two; "
-        "a speed sensor, or GPS fixes on many headings, would decide."
-    )
+    more = " and ".join(name for name in fitted["compared_with"] if name != "depth rates")
+    if sensor_used:
+        words = "A speed sensor was used by both: what is left of the difference is the shape of the theory."
+    elif more:
+        words = (
+            f"This fit was also held to {more}, which the force estimate has not seen and which tell drag from lift: "
+            "trust this fit, and take the difference as what lift leaves open in the other."
+        )
+    else:
+        words = (
+            "Depth rates alone do not tell drag from lift, so trust neither better than to the difference of the two; "
+            "a speed sensor, or GPS fixes on many headings, would decide."
+        )
+    out["sentences"].append(words)
     return out

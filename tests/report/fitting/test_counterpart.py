@@ -35,6 +35,13 @@ def test_values_apart_are_explained_by_what_is_borrowed(fitted, sensor):
     assert found["kept_percent"] == fitted["lift_kept"]["percent"]
 
 
+def test_a_fit_that_was_held_to_fixes_too_is_the_one_to_trust(fitted):
+    held = fitted | {"compared_with": ["depth rates", "displacements between fixes"]}
+    found = counterpart(held, force(-0.3, 0.02), sensor_used=False)
+    assert found["sentences"][2].startswith("This fit was also held to displacements between fixes")
+    assert "trust this fit" in found["sentences"][2]
+
+
 def test_with_lift_kept_the_drag_has_a_smaller_1_sigma(fitted, exact):
     assert fitted["lift_kept"]["percent_std"] < fitted["parameters"][0]["percent_std"]
     alone = fit(blocks(dives=8), exact, settings=SETTINGS, pitch_std=0.0, resamples=10)
