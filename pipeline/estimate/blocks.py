@@ -9,7 +9,7 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.ballast import Hull
+from pipeline.estimate.ballast import Hull, latitude
 from pipeline.estimate.forcing import lagged
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
@@ -50,8 +50,7 @@ def means(
     time = seconds(records["time"])
     number = records["block"].to_numpy()
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
-    latitude = float(records["latitude"].dropna().median())
-    gravity = float(gsw.grav(latitude if np.isfinite(latitude) else mission.latitude or 45.0, 0.0))
+    gravity = float(gsw.grav(latitude(records, mission), 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
     lag = _lag(time, records["temperature"].to_numpy())
     rows: list[dict[str, Any]] = []

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
-from pipeline.estimate.ballast import Hull
+from pipeline.estimate.ballast import Hull, latitude
 from pipeline.estimate.series import increasing
 from pipeline.mission import Mission
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
@@ -55,9 +55,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             return None, f"no {name}: no net buoyancy"
     if np.isnan(temperature).any():
         temperature = np.full(time.size, vehicle["reference_temperature"])
-    fixes = records["latitude"].dropna()
-    latitude = float(fixes.median()) if len(fixes) else mission.latitude
-    gravity = float(gsw.grav(45.0 if latitude is None else latitude, 0.0))
+    gravity = float(gsw.grav(latitude(records, mission), 0.0))
     squeeze, expand = (np.nan_to_num(vehicle[name]) for name in ("compressibility", "thermal_expansion"))
     force = net_buoyancy(
         mass=body.mass,

@@ -6,6 +6,7 @@ It is found on a few stretches of the mission, whatever its length.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ def prepare(
     *,
     engine: str = "numba",
     methods: Sequence[str] = METHODS,
+    threads: int = 1,
 ) -> Prepared:
     """Return what parts need to know of the whole mission, from some stretches of its records.
 
@@ -65,15 +67,24 @@ def prepare(
         Canonical records, at least one row each.
     body
         As from `ballast.hull` for the whole mission.
-    vehicle, mission, engine, methods
-        As in `stage.estimate`.
+    vehicle, mission, engine, methods, threads
+        As in `stage.estimate`; the two estimators can be prepared at the same time.
     """
     found = [reconcile(records, from_records(records), vehicle, mission).series for records in stretches]
     located = mission.gps == "use" and any(series.located for series in found)
-    model = kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located)
-    adjusted, reason = None, "not asked for"
-    if "force" in methods:
-        adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0])
+
+    def prepared() -> kinematic.Model:
+        return kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located)
+
+    if "force" not in methods:
+        return Prepared(vehicle, mission, engine, prepared(), body[0], None, "not asked for", body[1])
+    if threads == 1:
+        model, (adjusted, reason) = prepared(), _adjusted(stretches, found, vehicle, mission, body[0])
+    else:
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(prepared)
+            adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0])
+            model = waiting.result()
     return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, body[1])
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.account import account, nothing
-from pipeline.estimate.ballast import hull
+from pipeline.estimate.ballast import hull, latitude
 from pipeline.estimate.part import Part, solve
 from pipeline.estimate.preparation import METHODS, Prepared, prepare, windows
 from pipeline.findings import Finding, nearest
@@ -156,22 +156,17 @@ def stream(
         take(conform(pd.DataFrame(), ESTIMATES))
         return Summary(conform(pd.DataFrame(), BLOCKS), nothing(), [])
     bounds = cuts(source.read(columns=("phase", "block")))
-    mission = _located(mission, source.read(columns=("latitude",)))
+    settled = {"latitude": latitude(source.read(columns=("latitude",)), mission)}  # for parts without fixes
+    mission = mission.model_copy(update=settled)
     body = hull(mission, vehicle, constants, source.read(columns=("density",)))
     stretches = [source.read(first, last) for first, last in windows(source.rows)]
-    prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods)
+    prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods, threads=threads)
     stretches.clear()
     parts: list[Part] = []
     for part in solved((source.read(first, last) for first, last in bounds), prepared, threads=threads):
         take(part.estimates)
         parts.append(part._replace(estimates=pd.DataFrame()))
     return Summary(pd.concat([part.blocks for part in parts], ignore_index=True), *account(parts, prepared))
-
-
-def _located(mission: Mission, records: pd.DataFrame) -> Mission:
-    """Return `mission` with the latitude of its fixes, for parts of it that have none."""
-    fixes = records["latitude"].dropna()
-    return mission.model_copy(update={"latitude": float(fixes.median())}) if len(fixes) else mission
 
 
 def cuts(records: pd.DataFrame, size: int | None = None) -> list[tuple[int, int]]:

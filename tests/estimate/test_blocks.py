@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.ballast import ASSUMED_STD, hull
+from pipeline.estimate.ballast import ASSUMED_STD, LATITUDE, hull, latitude
 from pipeline.estimate.blocks import means
 from pipeline.estimate.stage import estimate
 from pipeline.mission import Ballast, Mission
@@ -124,6 +124,14 @@ def test_without_engine_volume_there_is_no_net_buoyancy_and_it_is_said() -> None
     assert "records: buoyancy_volume: found no engine volume; expected one; no net buoyancy, no theory" in [
         str(finding) for finding in findings
     ]
+
+
+def test_gravity_is_taken_where_the_fixes_are_else_where_the_mission_says_the_equator_too() -> None:
+    nowhere = pd.DataFrame({"latitude": [np.nan, np.nan]})
+    fixes = pd.DataFrame({"latitude": [np.nan, 10.0, 12.0, 40.0]})
+    assert latitude(fixes, Mission(vehicle="x", latitude=60.0)) == 12.0
+    assert latitude(nowhere, Mission(vehicle="x", latitude=0.0)) == 0.0
+    assert latitude(nowhere, Mission(vehicle="x")) == LATITUDE
 
 
 def test_ballast_is_taken_from_mission_then_logs_then_assumed() -> None:

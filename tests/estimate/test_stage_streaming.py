@@ -109,6 +109,17 @@ def test_threads_and_file_change_no_digit(case: Case, tmp_path: Path) -> None:
         same(one, run(records, case, threads=2))
 
 
+def test_estimators_prepared_at_the_same_time_are_prepared_the_same(case: Case) -> None:
+    body = hull(case.mission, case.vehicle, {}, case.records)
+    both = prepare([case.records.iloc[:STRETCH]], case.vehicle, case.mission, body, threads=2)
+    assert both.adjusted is not None
+    assert case.prepared.adjusted is not None
+    assert repr(both.kinematic.noise) == repr(case.prepared.kinematic.noise)
+    assert both.adjusted.report == case.prepared.adjusted.report
+    np.testing.assert_array_equal(both.adjusted.craft.value, case.prepared.adjusted.craft.value)
+    assert repr(both.adjusted) == repr(case.prepared.adjusted)
+
+
 def test_parts_give_what_the_whole_gives(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     parts, in_parts = run(InMemory(case.records), case)
     monkeypatch.setattr(stage, "PART_RECORDS", len(case.records))
