@@ -102,7 +102,7 @@ def test_a_flowmeter_far_off_is_found_out(flown: Flown, method: str, scale: floa
     assert entry["std"] < 0.05
     error, std = errors(flown, found, method)
     assert np.mean(np.abs(error) < 1.96 * std) > 0.95
-    assert np.sqrt(np.mean(error**2)) < 0.5 * abs(scale) * flown.truth["speed"].median()
+    assert np.sqrt(np.mean(error**2)) < 0.7 * abs(scale) * flown.truth["speed"].median()
 
 
 @pytest.mark.parametrize("method", ["kinematic", "force"])
