@@ -1,5 +1,8 @@
 """Run real missions through the whole pipeline and print speeds by both methods against measured truth.
 
+Then `heldout` fits the force model on some dives of each and measures it on the others, beside the stored solutions,
+and gives a verdict on each goal.
+
 Usage: ``python benchmarks/real.py DATA``, DATA a folder of real logs (default: $SEATRIAL_DATA).
 """
 
@@ -36,7 +39,9 @@ DEPTHS = ((12.0, 35.0, "12-35 dbar"), (12.0, 1e4, ">= 12 dbar"))
 
 
 def main() -> int:
-    """Print one line a figure; return 1 if a mission failed."""
+    """Print one line a figure and a verdict on each goal; return 1 if a mission failed or a goal is missed."""
+    from benchmarks.heldout import verdict
+
     where = sys.argv[1] if len(sys.argv) > 1 else os.environ.get("SEATRIAL_DATA")
     if not where or not Path(where).is_dir():
         print("real logs: found no folder; expected one as argument or in SEATRIAL_DATA", file=sys.stderr)
@@ -58,7 +63,7 @@ def main() -> int:
             for line in answer["more"]:
                 if "stored" in line:
                     print(f"    {line}")
-    return code
+    return max(code, verdict(data))
 
 
 def about_comet(data: Path, comet: Real, estimates: pd.DataFrame) -> None:

@@ -38,6 +38,8 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
         "slocum/kolumbo2019_hybrid",
         "glider_data.csv",
         "vehicle: slocum-thruster\nlatitude: 36.5\nlongitude: 25.5\n"
+        "water: {density: 1028.9, density_per_dbar: 0.0045, std: 0.5, temperature: 17, temperature_per_dbar: -0.005, "
+        "source: 'upper Aegean in winter, order of'}\n"
         "files: {glider_data.csv: {columns: {depth: {column: z, unit: m}, pitch: {column: pitch, unit: deg}, "
         "roll: {column: roll, unit: deg}, buoyancy_volume: {column: pump_vol, unit: cc}, "
         "propeller_power: {column: mot_pwr, unit: W}}, ignore: [lat, lon, yaw]}}\n",

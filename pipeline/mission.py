@@ -46,6 +46,24 @@ class Ballast(_Strict):
         return self
 
 
+class Water(_Strict):
+    """Water of a mission without a CTD: borrowed from elsewhere, and said to be wherever it is used."""
+
+    density: float = Field(gt=900, lt=1100, description="kg/m3, in situ, at the surface")
+    density_per_dbar: float = Field(
+        0.0045, ge=0, lt=0.5, description="kg/m3 per dbar: compression alone, 1e4/c^2, unless it is stratified"
+    )
+    std: float = Field(1.0, ge=0, lt=50, description="kg/m3, 1-sigma of the density")
+    temperature: float | None = Field(
+        None,
+        ge=-3,
+        le=45,
+        description="degrees Celsius, at the surface; the hull's reference temperature without",
+    )
+    temperature_per_dbar: float = Field(0.0, gt=-1, lt=1, description="K per dbar")
+    source: str = Field("", description="where the numbers are from")
+
+
 class TableColumn(_Strict):
     """One column of a plain table: its name in the file and its unit."""
 
@@ -122,6 +140,7 @@ class Mission(_Strict):
     salinity: Literal["measured", "baltic", "fresh"] = Field(
         "measured", description="'baltic': Baltic absolute salinity; 'fresh': no conductivity needed"
     )
+    water: Water | None = Field(None, description="density and temperature of the water where there is no CTD")
     speed_sensor: Literal["check", "use", "ignore"] = Field(
         "check", description="a speed sensor is held out as a check, used by the estimator, or ignored"
     )

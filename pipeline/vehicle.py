@@ -48,6 +48,7 @@ KNOWN: dict[str, Quantity] = {
     "thrust_static": Quantity("K_1", "1", "thrust coefficient at advance ratio 0", None),
     "thrust_slope": Quantity("K_2", "1", "thrust coefficient per advance ratio", None),
     "propeller_diameter": Quantity("D_0", "m", "propeller diameter", None),
+    "propulsive_efficiency": Quantity("eta", "1", "share of the propeller's power that goes into T (V + v)", None),
     "reference_density": Quantity("rho", "kg/m3", "density at which the force coefficients hold", None),
     "mass": Quantity("m", "kg", "mass of the vehicle", None),
     "compressibility": Quantity("eps", "1/Pa", "relative loss of hull volume per pressure", None),
@@ -68,6 +69,7 @@ POSITIVE = frozenset(
         "mass_forward",
         "mass_normal",
         "propeller_diameter",
+        "propulsive_efficiency",
         "reference_density",
         "mass",
         "battery_mass",
@@ -101,6 +103,13 @@ class Propeller(NamedTuple):
     thrust_static: float
     thrust_slope: float
     diameter: float
+
+
+class Disk(NamedTuple):
+    """Thrust by power as plain numbers: diameter [m] and efficiency of a propeller taken as an actuator disk."""
+
+    diameter: float
+    efficiency: float
 
 
 @dataclass(frozen=True)
@@ -138,6 +147,12 @@ class Vehicle:
     def propeller(self) -> Propeller | None:
         """Thrust law, or None for a vehicle without one."""
         law = Propeller(self["thrust_static"], self["thrust_slope"], self["propeller_diameter"])
+        return None if any(math.isnan(value) for value in law) else law
+
+    @property
+    def disk(self) -> Disk | None:
+        """Thrust by power, or None for a vehicle whose propeller's efficiency or diameter is not known."""
+        law = Disk(self["propeller_diameter"], self["propulsive_efficiency"])
         return None if any(math.isnan(value) for value in law) else law
 
     def with_values(self, changes: Mapping[str, float], source: str) -> Vehicle:

@@ -37,6 +37,9 @@ STEPS, STILL = 15, 5e-3
 #: move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag; and as long as
 #: parameters are wrong, an error of V̇ or of net buoyancy as large as theirs would be found, and would hold them there.
 INSTRUMENTS = ("depth_noise", "swell")
+#: s, τ of w_w meanwhile. It is less than the water's, so that means over minutes count for more than what depth rate
+#: does within them: there a model that is steady but for V is wrong before it is wrong of the mean.
+BRIEF = 100.0
 #: Steps after which they are.
 SEARCHES = (2, 5)
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
@@ -96,9 +99,9 @@ def adjust(
         Noise levels that are known; searched for if left out.
     """
     search = noise is None
-    ordinary = noise_from(stretches[0].series)._replace(speed_scale=speed_scale)
+    ordinary = noise_from(stretches[0].series)._replace(tau_w=BRIEF, speed_scale=speed_scale)
     settings = ordinary if noise is None else noise.settings
-    powered = any(stretch.force.propeller_speed.any() for stretch in stretches)
+    powered = any(stretch.force.driven for stretch in stretches)
     if powered:
         std = craft.std.copy()
         std[THRUST] = thrust_std(craft, [stretch.force for stretch in stretches], [at.speed for at in paths])
@@ -126,8 +129,20 @@ def adjust(
     if noise is None:
         noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
     matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed), craft)
-    columns = np.column_stack([_root(matrix, free), _step(matrix, gradient, free)]) * craft.std[:, None]
+    weights = _as_weighted(noise.settings) if search else noise.settings
+    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed), craft)
+    columns = np.column_stack([_root(weighted, free), _step(matrix, gradient, free)]) * craft.std[:, None]
     return Adjusted(craft, noise, columns, _report(craft, columns, free, converged))
+
+
+def _as_weighted(settings: Settings) -> Settings:
+    """Return the water found, as brief as the parameters were adjusted with and as strong at low frequencies.
+
+    With it the normal equations tell what such weights take from depth rate, in a water that moves as was found.
+    """
+    if settings.tau_w <= BRIEF:
+        return settings
+    return settings._replace(tau_w=BRIEF, sigma_w=settings.sigma_w * (settings.tau_w / BRIEF) ** 0.5)
 
 
 def unadjusted(found: Adjusted) -> Adjusted:

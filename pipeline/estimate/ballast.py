@@ -11,6 +11,7 @@ import pandas as pd
 
 from pipeline.findings import Finding
 from pipeline.mission import Mission
+from pipeline.model.forces import GRAVITY
 from pipeline.vehicle import Vehicle
 
 #: Degrees north, where neither fixes nor mission.yaml tell.
@@ -36,6 +37,13 @@ class Hull:
     mass: float
     volume: float
     std: float
+
+
+def borrowed_std(mission: Mission, records: pd.DataFrame) -> float:
+    """Return the 1-sigma [kg/m3] of a density that mission.yaml lends to `records`; 0 where it was measured."""
+    if mission.water is None or records["absolute_salinity"].notna().any():
+        return 0.0
+    return mission.water.std
 
 
 def hull(
@@ -67,13 +75,18 @@ def hull(
                 "there is no net buoyancy and no theory without it",
             )
         ]
+    lent = borrowed_std(mission, records)
+
+    def known(volume: float, std: float) -> tuple[Hull, list[Finding]]:
+        return Hull(mass, volume, math.hypot(std, GRAVITY * volume * lent)), []
+
     if mission.ballast.volume is not None:
-        return Hull(mass, mission.ballast.volume, mission.ballast.std), []
+        return known(mission.ballast.volume, mission.ballast.std)
     if mission.ballast.neutral_density is not None:
-        return Hull(mass, mass / mission.ballast.neutral_density, mission.ballast.std), []
+        return known(mass / mission.ballast.neutral_density, mission.ballast.std)
     if "hull_volume" in constants:
         stated = "std" in mission.ballast.model_fields_set
-        return Hull(mass, constants["hull_volume"], mission.ballast.std if stated else LOGGED_STD), []
+        return known(constants["hull_volume"], mission.ballast.std if stated else LOGGED_STD)
     density = records["density"].to_numpy()
     if not np.isfinite(density).any():
         return None, [

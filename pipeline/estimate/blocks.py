@@ -9,7 +9,7 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.ballast import Hull, latitude
+from pipeline.estimate.ballast import Hull, borrowed_std, latitude
 from pipeline.estimate.forcing import lagged
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
@@ -54,6 +54,7 @@ def means(
     rotation = records["propeller_speed"].ffill().to_numpy()
     lag = _lag(time, records["temperature"].to_numpy())
     rows: list[dict[str, Any]] = []
+    lent = borrowed_std(mission, records)
     records, estimates = records[_READ], estimates[_ESTIMATED]
     for block, first, count in zip(*np.unique(number, return_index=True, return_counts=True), strict=True):
         if block < 0:
@@ -73,7 +74,7 @@ def means(
         row |= _pitch(part, estimates.iloc[inside], mission)
         row |= _attitude(part)
         row |= _depth_rate(part, time[inside])
-        row |= _water(part)
+        row |= _water(part, lent)
         row |= _sensor(part)
         row |= _settings(part, rotation[inside], row["powered"])
         row |= _buoyancy(part, engine[inside], float(lag[inside].mean()), body, vehicle, gravity)
@@ -123,12 +124,13 @@ def _depth_rate(part: pd.DataFrame, time: np.ndarray) -> dict[str, float]:
     return {"depth_rate": slope, "depth_rate_std": std, "depth": float(z.mean())}
 
 
-def _water(part: pd.DataFrame) -> dict[str, float]:
+def _water(part: pd.DataFrame, lent: float) -> dict[str, float]:
+    """Return mean density; its 1-sigma is no less than that of a density that mission.yaml lends."""
     density = part["density"].to_numpy()
     density = density[np.isfinite(density)]
     if not density.size:
         return {"density": np.nan, "density_std": np.nan}
-    return {"density": float(density.mean()), "density_std": float(density.std() / np.sqrt(density.size))}
+    return {"density": float(density.mean()), "density_std": math.hypot(density.std() / np.sqrt(density.size), lent)}
 
 
 def _sensor(part: pd.DataFrame) -> dict[str, float]:

@@ -12,8 +12,8 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.settings import Noise
 from pipeline.mission import Mission
-from pipeline.model.forces import HULL_TIME_BEFORE, HULL_TIME_STD, propeller_of
-from pipeline.vehicle import Polar, Propeller, Vehicle
+from pipeline.model.forces import HULL_TIME_BEFORE, HULL_TIME_STD, NO_DISK, disk_thrust, propeller_of
+from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
 
 #: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
 PARAMETERS = (
@@ -47,6 +47,8 @@ class Craft(NamedTuple):
     std: np.ndarray  # (c,): 1-sigma before the mission
     value: np.ndarray  # (c,): values now
     propeller_std: tuple[float, float] = (0.0, 0.0)  # 1-sigma of K_1 and K_2
+    disk: Disk = NO_DISK  # thrust where it is known by power
+    disk_std: Disk = NO_DISK  # its 1-sigma
 
 
 class Adjusted(NamedTuple):
@@ -76,7 +78,7 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         "net_buoyancy": body.std,
         "compressibility": vehicle.std("compressibility"),
         "thermal_expansion": vehicle.std("thermal_expansion"),
-        "thrust": vehicle.std("thrust_static") / vehicle["thrust_static"] if vehicle.propeller else 0.0,
+        "thrust": _thrust_std(vehicle),
         "hull_time": HULL_TIME_STD,
     }
     std |= {name: vehicle.std(name) / vehicle[name] for name in ("parasite_drag", "lift_slope", "induced_drag")}
@@ -94,11 +96,16 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         known,
         centre.copy(),
         (vehicle.std("thrust_static"), vehicle.std("thrust_slope")) if vehicle.propeller else (0.0, 0.0),
+        vehicle.disk or NO_DISK,
+        Disk(vehicle.std("propeller_diameter"), vehicle.std("propulsive_efficiency")) if vehicle.disk else NO_DISK,
     )
 
 
 def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndarray]) -> float:
-    """Return the relative 1-sigma of thrust at the advance ratios met: near J_0 a little of K_1 and K_2 is much of T.
+    """Return the relative 1-sigma of thrust where the propeller turns.
+
+    Near the advance ratio J_0 a little of K_1 and K_2 is much of T; by power, T goes with η and D to powers that change
+    from 2/3 at rest to 1 and 0 at high speed.
 
     Parameters
     ----------
@@ -109,9 +116,36 @@ def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndar
     """
     law, (std_1, std_2) = craft.propeller, craft.propeller_std
     speed = np.concatenate(speeds)
+    power = np.concatenate([force.propeller_power for force in forces])
+    if (power > 0.0).any():
+        return _disk_std(craft, *(float(np.median(value[power > 0.0])) for value in (power, speed)))
     rotation = np.concatenate([force.propeller_speed for force in forces])
     turning = np.abs(rotation) > 0.0
     if not turning.any() or not std_1 + std_2 > 0.0:
         return float(craft.std[THRUST])
     ratio = float(np.median(speed[turning] / (np.abs(rotation[turning]) * law.diameter)))
     return math.hypot(std_1, std_2 * ratio) / max(law.thrust_static + law.thrust_slope * ratio, std_1)
+
+
+def _thrust_std(vehicle: Vehicle) -> float:
+    """Return the relative 1-sigma of thrust at rest; 0 for a vehicle without a thrust law."""
+    if vehicle.propeller is not None:
+        return vehicle.std("thrust_static") / vehicle["thrust_static"]
+    if vehicle.disk is None:
+        return 0.0
+    return (
+        math.hypot(*(vehicle.std(name) / vehicle[name] for name in ("propeller_diameter", "propulsive_efficiency")))
+        / 1.5
+    )
+
+
+def _disk_std(craft: Craft, power: float, speed: float) -> float:
+    """Return the relative 1-sigma of thrust by power, by steps of a tenth of the 1-sigma of η and D."""
+    here, _ = disk_thrust(craft.disk, craft.density, power, speed)
+    changes = []
+    for name, std in craft.disk_std._asdict().items():
+        moved, _ = disk_thrust(
+            craft.disk._replace(**{name: getattr(craft.disk, name) + 0.1 * std}), craft.density, power, speed
+        )
+        changes.append(10.0 * (moved / here - 1.0))
+    return math.hypot(*changes)

@@ -24,8 +24,8 @@ from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import Flight, Solve
-from pipeline.model.forces import thrust
-from pipeline.vehicle import Polar, Propeller
+from pipeline.model.forces import disk_thrust, thrust
+from pipeline.vehicle import Disk, Polar, Propeller
 
 #: States, in order.
 SPEED, PITCH, DEPTH, WATER, LOAD = range(5)
@@ -94,6 +94,7 @@ def _attack(
 def _fill(
     polar: Polar,
     propeller: Propeller,
+    disk: Disk,
     inertia: float,
     density_0: float,
     values: np.ndarray,
@@ -150,6 +151,9 @@ def _fill(
         if force.propeller_speed[k] != 0.0:
             pushing_v = push * propeller.thrust_slope * force.density[k] * propeller.diameter**3
             pushing_v *= force.propeller_speed[k]
+        if force.propeller_power[k] > 0.0:
+            by_power, by_power_v = disk_thrust(disk, force.density[k], force.propeller_power[k], here)
+            pushing, pushing_v = push * by_power, push * by_power_v
         rate = (pushing * cos_a - drag + buoyancy * sine) / inertia
         # V' and γ in α, then in V and θ with α slaved
         rate_a = (-pushing * sin_a - 2.0 * square * polar.induced_drag * alpha - buoyancy * cosine) / inertia
@@ -296,6 +300,7 @@ def linearise(
     _fill(
         craft.polar,
         craft.propeller,
+        craft.disk,
         craft.inertia,
         craft.density,
         craft.value,

@@ -30,7 +30,13 @@ class Forcing(NamedTuple):
     by_time: np.ndarray  # (m,) N per s of the hull's thermal time constant
     density: np.ndarray  # (m,) kg/m3
     propeller_speed: np.ndarray  # (m,) rev/s
+    propeller_power: np.ndarray  # (m,) W, where thrust is known by it; 0 elsewhere
     doubt: np.ndarray  # (m,) N, change of net buoyancy across a gap in the engine's record, within it; 0 elsewhere
+
+    @property
+    def driven(self) -> bool:
+        """Whether the propeller turns at all."""
+        return bool(self.propeller_speed.any() or self.propeller_power.any())
 
 
 def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hull) -> tuple[Forcing | None, str]:
@@ -78,6 +84,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             np.zeros(time.size),
             density,
             records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
+            _power(records, vehicle),
             gravity * density * _unrecorded(time, records["buoyancy_volume"].to_numpy()),
         ),
         "",
@@ -122,6 +129,13 @@ def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
             behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
             late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
     return late
+
+
+def _power(records: pd.DataFrame, vehicle: Vehicle) -> np.ndarray:
+    """Return the propeller's power, W, where thrust follows from it: without a law or a record of its speed."""
+    if vehicle.disk is None or (vehicle.propeller is not None and records["propeller_speed"].notna().any()):
+        return np.zeros(len(records))
+    return np.asarray(np.maximum(records["propeller_power"].ffill().fillna(0.0).to_numpy(), 0.0))
 
 
 def _unrecorded(time: np.ndarray, volume: np.ndarray) -> np.ndarray:

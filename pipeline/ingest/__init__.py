@@ -141,6 +141,8 @@ def ingest(mission: Mission) -> Ingested:
     table, doubts = merge.merged(streams)
     findings += doubts
     table = seawater.with_depth(table, place.latitude)
+    table, notes = seawater.with_borrowed_water(mission, table)
+    findings += notes
     if "heading" in table:
         table = table.assign(heading=np.mod(table["heading"], 2 * np.pi))
     findings += plausibility.checked(table, _source(streams, "pressure"), _source(streams, "pitch"))

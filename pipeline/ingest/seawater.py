@@ -231,6 +231,35 @@ def with_sea_water(mission: Mission, streams: list[pd.DataFrame]) -> tuple[list[
     return out, findings
 
 
+def with_borrowed_water(mission: Mission, table: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return `table` with the water of mission.yaml where none was measured, and a finding that says so.
+
+    Density, and temperature if it is given, become straight lines in pressure at the records that have one. Salinity
+    stays unknown: by that `borrowed` knows such records again.
+    """
+    water = mission.water
+    if water is None:
+        return table, []
+    if "density" in table and table["density"].notna().any():
+        note = Finding("note", "mission.yaml", "water", "a density, though a CTD measured one", "", "not used")
+        return table, [note]
+    pressure = table["pressure"].to_numpy(np.float64)
+    columns = {"density": water.density + water.density_per_dbar * pressure}
+    said = f"{water.density:g} kg/m3 + {water.density_per_dbar:g} kg/m3/dbar, 1-sigma {water.std:g}"
+    if water.temperature is not None and not ("temperature" in table and table["temperature"].notna().any()):
+        columns["temperature"] = water.temperature + water.temperature_per_dbar * pressure
+        said += f"; {water.temperature:g} degC + {water.temperature_per_dbar:g} K/dbar"
+    note = Finding(
+        "warning",
+        "mission.yaml",
+        "water",
+        "no CTD",
+        "a measured density",
+        f"water is borrowed, not measured: {said}" + (f" ({water.source})" if water.source else ""),
+    )
+    return table.assign(**columns), [note]
+
+
 def pressure_and_conductivity(
     mission: Mission, streams: list[pd.DataFrame]
 ) -> tuple[list[pd.DataFrame], list[Finding]]:

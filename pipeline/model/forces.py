@@ -12,10 +12,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.vehicle import Polar, Propeller, Vehicle
+from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
 
 #: The thrust law of a vehicle that has none.
 NO_PROPELLER = Propeller(0.0, 0.0, 0.0)
+#: The same for thrust by power.
+NO_DISK = Disk(0.0, 0.0)
 
 GRAVITY = 9.81
 PASCAL_PER_DBAR = 1e4
@@ -77,6 +79,39 @@ def thrust(propeller: Propeller, density: float, propeller_speed: float, speed: 
         return 0.0
     flow = density * propeller.diameter**3 * propeller_speed
     return flow * (propeller.thrust_static * propeller.diameter * propeller_speed + propeller.thrust_slope * speed)
+
+
+@njit(cache=True, error_model="numpy")
+def disk_thrust(disk: Disk, density: float, power: float, speed: float) -> tuple[float, float]:
+    """Return thrust, N, and its slope in speed, N s/m, of a propeller known by its power: an actuator disk.
+
+    Momentum theory (Rankine 1865, Froude 1889): T = 2 ρ A (V + v) v and η P = T (V + v), with the area A of the disk
+    and the speed v that it adds to the flow. At rest T = (2 ρ A η² P²)^(1/3); at high speed T = η P / V. Both are 0
+    without power.
+
+    Parameters
+    ----------
+    disk
+        Diameter and efficiency η: the part of P that is left after motor, gear, and the drag and swirl of the blades.
+    density
+        In-situ density ρ, kg/m³.
+    power
+        Power P that the propeller's motor draws, W.
+    speed
+        Speed through water V, m/s; taken as 0 where negative.
+    """
+    useful = disk.efficiency * power
+    if not useful > 0.0:
+        return 0.0, 0.0
+    inflow = max(speed, 0.0)
+    loading = 2.0 * useful / (math.pi * density * disk.diameter**2)
+    through = inflow + loading ** (1.0 / 3.0)  # V + v, from above: each step of Newton's falls towards the root
+    for _ in range(60):
+        step = (through * through * (through - inflow) - loading) / (through * (3.0 * through - 2.0 * inflow))
+        through -= step
+        if abs(step) < 1e-14 * through:
+            break
+    return useful / through, -useful / (through * (3.0 * through - 2.0 * inflow))
 
 
 @njit(cache=True, error_model="numpy")

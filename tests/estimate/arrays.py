@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.estimate.craft import HULL_TIME, PARAMETERS, Craft
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.series import Series
-from pipeline.model.forces import propeller_of
+from pipeline.model.forces import NO_DISK, propeller_of
 from pipeline.vehicle import Vehicle
 
 
@@ -25,14 +25,15 @@ def series(time: np.ndarray, pitch: np.ndarray | float, depth: np.ndarray | floa
 
 
 def inputs(
-    m: int, net_buoyancy: np.ndarray | float, density: float, propeller_speed: float = 0.0, **slopes: float
+    m: int, net_buoyancy: np.ndarray | float, density: float, propeller_speed: float = 0.0, **others: float
 ) -> Forcing:
-    """Return inputs at m instants; `slopes` are by_compression, by_expansion and by_time."""
+    """Return inputs at m instants; `others` are by_compression, by_expansion, by_time, propeller_power."""
 
     def held(value: np.ndarray | float) -> np.ndarray:
         return np.broadcast_to(value, m).astype(np.float64)
 
-    by = {name: held(slopes.get(name, 0.0)) for name in ("by_compression", "by_expansion", "by_time")}
+    rest = ("by_compression", "by_expansion", "by_time", "propeller_power")
+    by = {name: held(others.get(name, 0.0)) for name in rest}
     given = {"net_buoyancy": net_buoyancy, "density": density, "propeller_speed": propeller_speed, "doubt": 0.0}
     return Forcing(**{name: held(value) for name, value in given.items()}, **by)
 
@@ -55,4 +56,5 @@ def craft(vehicle: Vehicle, **values: float) -> Craft:
         np.zeros(c),
         np.ones(c),
         value,
+        disk=vehicle.disk or NO_DISK,
     )

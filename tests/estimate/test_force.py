@@ -18,6 +18,7 @@ from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, line
 from pipeline.estimate.forcing import Forcing, lagged, with_thermal_lag
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
+from pipeline.model.forces import disk_thrust
 from pipeline.model.steady import trim_at_moment, trim_at_pitch
 from pipeline.vehicle import Polar, Vehicle
 
@@ -77,6 +78,21 @@ def test_under_power_too(pitch_deg: float, newton: float, turns: float) -> None:
     v, _, alpha = marched(arrays.craft(PETREL), given, time, np.full(time.size, math.radians(pitch_deg)), 0.4)
     assert v[-1] == pytest.approx(float(trim.speed), rel=1e-6)
     assert alpha[-1] == pytest.approx(float(trim.angle_of_attack), abs=1e-6)
+
+
+@pytest.mark.parametrize(("pitch_deg", "newton", "watt"), [(-25.0, -2.6, 5.0), (24.0, 2.6, 5.0), (2.0, 0.0, 3.0)])
+def test_under_a_known_power_it_comes_to_rest_where_the_thrust_of_that_speed_balances(
+    pitch_deg: float, newton: float, watt: float
+) -> None:
+    craft, pitch = vehicle.load("slocum-thruster"), math.radians(pitch_deg)
+    time = np.arange(0.0, 900.0, 10.0)
+    given = arrays.inputs(time.size, newton, craft["reference_density"], propeller_power=watt)
+    v, _, alpha = marched(arrays.craft(craft), given, time, np.full(time.size, pitch), 0.4)
+    assert craft.disk is not None
+    force, _ = disk_thrust(craft.disk, craft["reference_density"], watt, v[-1])
+    trim = trim_at_pitch(craft, newton, pitch, thrust=force)
+    assert v[-1] == pytest.approx(float(trim.speed), rel=2e-3)  # the trim has T sin α across the path
+    assert alpha[-1] == pytest.approx(float(trim.angle_of_attack), abs=2e-3)
 
 
 # --- The equations once more, plainly ---------------------------------------------------------------------------------

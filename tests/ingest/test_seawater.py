@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.findings import InputError
 from pipeline.ingest import seawater
-from pipeline.mission import Mission
+from pipeline.mission import Mission, Water
 from pipeline.records import Quality
 
 PRESSURE = np.array([10.0, 50.0, 125.0, 250.0, 600.0, 1000.0])
@@ -116,6 +116,35 @@ def test_samples_that_are_no_sea_water_have_no_density_and_are_counted() -> None
         "ctd.csv: record 2: found 1 of 3 samples that are no sea water, first temperature 10, conductivity 9, "
         "pressure 20; expected values inside the oceanographic funnel of TEOS-10; their density is left out"
     ]
+
+
+def test_borrowed_water_is_a_line_in_pressure_and_said_to_be_borrowed() -> None:
+    water = Water(density=1028.0, density_per_dbar=0.005, std=0.5, temperature=18.0, temperature_per_dbar=-0.01)
+    mission = Mission(vehicle="slocum-thruster", water=water)
+    table = pd.DataFrame({"time": np.arange(3.0), "pressure": [0.0, np.nan, 200.0]})
+    found, (note,) = seawater.with_borrowed_water(mission, table)
+    np.testing.assert_allclose(found["density"], [1028.0, np.nan, 1029.0])
+    np.testing.assert_allclose(found["temperature"], [18.0, np.nan, 16.0])
+    assert str(note) == (
+        "mission.yaml: water: found no CTD; expected a measured density; water is borrowed, not measured: "
+        "1028 kg/m3 + 0.005 kg/m3/dbar, 1-sigma 0.5; 18 degC + -0.01 K/dbar"
+    )
+
+
+def test_a_measured_density_or_temperature_is_never_overwritten() -> None:
+    mission = Mission(vehicle="slocum-thruster", water=Water(density=1028.0, temperature=18.0, source="an atlas"))
+    table = pd.DataFrame({"pressure": [5.0], "temperature": [11.0], "density": [1026.0]})
+    found, (note,) = seawater.with_borrowed_water(mission, table)
+    pd.testing.assert_frame_equal(found, table)
+    assert str(note) == "mission.yaml: water: found a density, though a CTD measured one; not used"
+    found, (note,) = seawater.with_borrowed_water(mission, table.drop(columns="density"))
+    assert found["temperature"].tolist() == [11.0]
+    assert str(note).endswith("1028 kg/m3 + 0.0045 kg/m3/dbar, 1-sigma 1 (an atlas)")
+
+
+def test_without_a_word_of_water_nothing_is_borrowed() -> None:
+    table = pd.DataFrame({"pressure": [5.0]})
+    assert seawater.with_borrowed_water(Mission(vehicle="slocum-thruster"), table)[1] == []
 
 
 def test_a_flagged_pressure_does_not_enter_density() -> None:

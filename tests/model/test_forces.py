@@ -5,8 +5,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.model.forces import NO_PROPELLER, drag, lift, net_buoyancy, pitching_moment, propeller_of, thrust
-from pipeline.vehicle import Vehicle, load
+from pipeline.model.forces import (
+    NO_DISK,
+    NO_PROPELLER,
+    disk_thrust,
+    drag,
+    lift,
+    net_buoyancy,
+    pitching_moment,
+    propeller_of,
+    thrust,
+)
+from pipeline.vehicle import Disk, Vehicle, load
 
 
 def test_petrel_drag_and_lift_are_those_of_section_4(petrel: Vehicle) -> None:
@@ -46,6 +56,38 @@ def test_a_still_propeller_and_a_missing_one_give_no_thrust(petrel: Vehicle) -> 
     assert thrust(propeller_of(petrel), 1020.0, 0.0, 1.0) == 0.0
     assert propeller_of(load("slocum-g2")) == NO_PROPELLER
     assert thrust(NO_PROPELLER, 1020.0, 20.0, 1.0) == 0.0
+
+
+DISK = Disk(0.22, 0.5)
+AREA = np.pi * 0.22**2 / 4.0
+
+
+def test_thrust_by_power_at_rest_is_that_of_momentum_theory() -> None:
+    # T = (2 ρ A η² P²)^(1/3): the figure of merit of a hovering rotor, Leishman (2006), Eq. 2.18
+    force, _ = disk_thrust(DISK, 1025.0, 5.0, 0.0)
+    assert force == pytest.approx((2.0 * 1025.0 * AREA * (0.5 * 5.0) ** 2) ** (1.0 / 3.0), rel=1e-12)
+
+
+def test_thrust_by_power_at_high_speed_is_useful_power_over_speed() -> None:
+    force, slope = disk_thrust(DISK, 1025.0, 5.0, 30.0)
+    assert force == pytest.approx(0.5 * 5.0 / 30.0, rel=1e-5)
+    assert slope == pytest.approx(-0.5 * 5.0 / 30.0**2, rel=1e-4)
+
+
+@pytest.mark.parametrize("power", [0.01, 0.8, 5.0, 60.0])
+@pytest.mark.parametrize("speed", [0.0, 0.05, 0.4, 1.2])
+def test_thrust_by_power_obeys_momentum_and_energy_and_its_slope_is_the_difference(power: float, speed: float) -> None:
+    force, slope = disk_thrust(DISK, 1025.0, power, speed)
+    added = 0.5 * power / force - speed
+    assert 2.0 * 1025.0 * AREA * (speed + added) * added == pytest.approx(force, rel=1e-10)
+    ahead, behind = (disk_thrust(DISK, 1025.0, power, speed + step)[0] for step in (2e-5, 1e-5))
+    assert slope == pytest.approx((ahead - behind) / 1e-5, rel=1e-3)
+
+
+def test_without_power_or_without_a_law_a_disk_gives_no_thrust() -> None:
+    assert disk_thrust(DISK, 1025.0, 0.0, 0.5) == (0.0, 0.0)
+    assert disk_thrust(DISK, 1025.0, -0.3, 0.5) == (0.0, 0.0)
+    assert disk_thrust(NO_DISK, 1025.0, 5.0, 0.5) == (0.0, 0.0)
 
 
 def test_net_buoyancy_of_a_neutral_hull_is_that_of_its_engine() -> None:
