@@ -33,7 +33,7 @@ def pages(built: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "report.html").write_text(built.page, encoding="utf-8")
     files.write(folder.joinpath, built.pictures, built.summary["mission"])
     summaries = [store.plain(built.summary), {"mission": "lost", "error": "records: no pressure"}]
-    (root / "index.html").write_text(index(summaries), encoding="utf-8")
+    (root / "index.html").write_text(index(summaries).page, encoding="utf-8")
     return root
 
 
