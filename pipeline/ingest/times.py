@@ -88,7 +88,7 @@ def zoned(texts: pd.Series[Any], timezone: str, file: str) -> Array | None:
 
 
 def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, column: str) -> Array:
-    """Return times written as text, shape (n,), as seconds since 1970 UTC; NaN where a text is not a time.
+    """Return times written as text, shape (n,), as seconds since 1970 UTC; NaN where a text is none of 1678 to 2262.
 
     Parameters
     ----------
@@ -124,7 +124,9 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
             parsed = pd.to_datetime(part, format=layout + "%z" if "%" in layout else layout, utc=True, errors="coerce")
         else:
             parsed = _localised(pd.to_datetime(part, format=layout, errors="coerce"), zone).dt.tz_convert("UTC")
-        stamps = pd.DatetimeIndex(parsed).as_unit("ns")
+        stamps = pd.DatetimeIndex(parsed)
+        within = (stamps >= pd.Timestamp.min.tz_localize("UTC")) & (stamps <= pd.Timestamp.max.tz_localize("UTC"))
+        stamps = pd.DatetimeIndex(stamps.where(within)).as_unit("ns")
         out[mask.to_numpy()] = np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
     return out
 

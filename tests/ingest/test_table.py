@@ -206,6 +206,13 @@ def test_a_time_written_to_the_microsecond_is_read_to_the_microsecond(micro: int
     assert found[0] == pytest.approx(micro * 1e-6, abs=5e-7)
 
 
+@pytest.mark.parametrize("text", ["3014-01-01T00:00:00Z", "3014-01-01T00:00:00", "0001-01-01 00:00:00"])
+def test_a_year_that_no_log_is_of_costs_its_record(text: str) -> None:
+    found = times.textual(pd.Series(["2020-01-01T00:00:00", text]), None, "UTC", "ctd.csv", "time")
+    assert found[0] == 1577836800.0
+    assert np.isnan(found[1])
+
+
 def test_day_and_month_that_cannot_be_told_apart_are_refused() -> None:
     with pytest.raises(InputError) as error:
         times.textual(pd.Series(["08/09/2020 17:45:56"]), None, "UTC", "gli.csv", "Timestamp")
