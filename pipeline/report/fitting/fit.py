@@ -153,7 +153,11 @@ def selected(
     if not points.size:
         return points, "no steady block"
     present = np.ones(points.size, dtype=bool)
-    for name, words in {"depth_rate": "depth rate", "net_buoyancy": "net buoyancy", "pitch": "pitch"}.items():
+    needed = {
+        "depth_rate": "depth rate", "net_buoyancy": "net buoyancy", "pitch": "pitch",
+        "propeller_speed": "known propeller speed",
+    }  # fmt: skip
+    for name, words in needed.items():
         finite = np.isfinite(getattr(points, name))
         if not finite.any():
             return points.only(finite), f"no steady block with a {words}"

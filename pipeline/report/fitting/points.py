@@ -38,7 +38,7 @@ class Points:
     start, end, days
         Bounds, s since 1970; middle since the first block of the mission, days.
     powered, propeller_speed
-        Whether the propeller turns; rev/s, 0 where it does not.
+        Whether the propeller turns; rev/s, 0 where it does not, NaN where it does and nobody knows how fast.
     net_buoyancy, by_compression, by_expansion, by_lag
         G, N; its change per compressibility, N Pa, per thermal expansion, N K, and per time constant of the hull's
         temperature, N/s (0 where unknown).
@@ -93,6 +93,7 @@ class Points:
         for number, item in enumerate(configurations):
             configuration[(dive >= item.first) & (dive <= item.last)] = number
         middle = 0.5 * (start + end)
+        powered = blocks["powered"].to_numpy(dtype=bool)[order]
         plain = ("net_buoyancy", "pitch", "heading", "roll", "depth", "battery_position", "battery_position_std")
         measured = ("depth_rate", "depth_rate_std", "sensor_speed", "sensor_speed_std")
         return cls(
@@ -102,8 +103,8 @@ class Points:
             start=start,
             end=end,
             days=(middle - middle[0]) / DAY if dive.size else middle,
-            powered=blocks["powered"].to_numpy(dtype=bool)[order],
-            propeller_speed=np.nan_to_num(column("propeller_speed")),
+            powered=powered,
+            propeller_speed=np.where(powered, column("propeller_speed"), 0.0),
             by_compression=np.nan_to_num(column("buoyancy_by_compression")),
             by_expansion=np.nan_to_num(column("buoyancy_by_expansion")),
             by_lag=np.nan_to_num(column("buoyancy_by_lag")),
