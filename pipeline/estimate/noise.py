@@ -78,8 +78,13 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
     found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
     found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
     found["depth_noise"] = max(found["depth_noise"], QUIET)
-    settings = settings._replace(**{name: float(f"{value:.3g}") for name, value in found.items()})  # more is not known
-    return Noise(settings, moved(settings, names, spread_of))
+    settings = _known(settings._replace(**found), names)
+    return Noise(settings, tuple(_known(each, names) for each in moved(settings, names, spread_of)))
+
+
+def _known(settings: Settings, names: Sequence[str]) -> Settings:
+    """Return `settings` with three digits of the levels `names`: more is not known of them, and rounding stays out."""
+    return settings._replace(**{name: float(f"{getattr(settings, name):.3g}") for name in names})
 
 
 def moved(settings: Settings, names: Sequence[str], covariance: np.ndarray) -> tuple[Settings, Settings]:

@@ -83,9 +83,17 @@ def write(out: Path) -> dict[str, Any]:
     """
     vehicle = load("petrel-ii")
     found: dict[str, Any] = store.plain(content(vehicle))
-    page = environment().get_template("paper.html").render(
-        paper=found, pictures={**figures(vehicle), "fig10": figure(vehicle)}, no_figure={}, verdicts=VERDICTS
-    )  # fmt: skip
+    page = (
+        environment()
+        .get_template("paper.html")
+        .render(
+            paper=found,
+            pictures={**figures(vehicle), "fig10": figure(vehicle)},
+            no_figure={},
+            guide={"sections": {}, "figures": {}},
+            verdicts=VERDICTS,
+        )
+    )
     out.mkdir(parents=True, exist_ok=True)
     store.write_json(out / NUMBERS, found)
     store.write_text(out / PAGE, page)
