@@ -50,7 +50,7 @@ def test_the_factor_on_the_speed_is_recovered_within_its_interval(missions: list
         ]
     )
     assert np.isfinite(pulls).all()
-    assert np.mean(np.abs(pulls) < 1.96) > 0.7, "of 8 missions; more of them are drawn in test_closure"
+    assert np.mean(np.abs(pulls) < 1.96) > 0.7, "of 8 missions; more of them are drawn in test_gps_closure"
     assert np.all(np.abs(pulls) < 3.5)
     assert np.all(np.abs(pulls.mean(axis=0)) < 1.1)
 
