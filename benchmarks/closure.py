@@ -11,7 +11,6 @@ blocks of the others is compared, where there is one, with a speed sensor that n
 from __future__ import annotations
 
 import math
-import os
 import sys
 import tempfile
 from pathlib import Path
@@ -22,7 +21,7 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.truth import MISSIONS, Real, lay_out
+from benchmarks.truth import Real, asked, lay_out
 from pipeline import mission as missions
 from pipeline.estimate.stage import InMemory, stream
 from pipeline.ingest import ingest
@@ -154,18 +153,12 @@ def adcp(data: Path) -> pd.DataFrame:
 
 def main() -> int:
     """Print a paragraph for each mission; return 1 if the goal is missed, 2 without data."""
-    given = sys.argv[1:]
-    where = given[0] if given else os.environ.get("SEATRIAL_DATA")
-    names = tuple(given[1:]) or SEAGLIDERS
-    if not where or not Path(where).is_dir():
-        print("real logs: found no folder; expected one as argument or in SEATRIAL_DATA", file=sys.stderr)
+    meant = asked(SEAGLIDERS)
+    if meant is None:
         return 2
-    unknown = [name for name in names if name not in MISSIONS]
-    if unknown:
-        print(f"mission: found '{unknown[0]}'; expected one of {', '.join(SEAGLIDERS)}", file=sys.stderr)
-        return 2
+    data, names = meant
     with tempfile.TemporaryDirectory() as scratch:
-        met = [about(name, Path(where), Path(scratch)) for name in names]
+        met = [about(name, data, Path(scratch)) for name in names]
     return 0 if all(met) else 1
 
 

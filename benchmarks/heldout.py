@@ -19,7 +19,6 @@ missed, they say whether the fit or the change from dive to dive is to blame.
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -32,8 +31,7 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.real import DEPTHS, said
-from benchmarks.truth import MISSIONS, Real, lay_out, score_comet, score_sg171
+from benchmarks.truth import DEPTHS, Real, asked, in_words, lay_out, score_comet, score_sg171
 from pipeline import mission as missions
 from pipeline.estimate import force, part, preparation, smoother
 from pipeline.estimate.ballast import hull
@@ -276,7 +274,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
             tables["estimated"] = of_method(part.solve(split.measured, prepared).estimates, "force")
         for how, one in tables.items():
             for what, score in speeds(name, data, one).items():
-                print(f"    {what}, {how}: {said(score)}")
+                print(f"    {what}, {how}: {in_words(score)}")
                 if how == "predicted":
                     figures.setdefault(what, []).append(100.0 * score["rmse"])
                 if "stored_rmse" in score and how == "predicted":
@@ -288,7 +286,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
             used = real._replace(mission=mission.model_copy(update={"speed_sensor": "use"}))
             taught = fitted(used, split.fitted)._replace(mission=mission)
             score = score_sg171(data, predicted(split.measured, taught))
-            print(f"    V, predicted, fitted with the AD2CP of the other dives: {said(score)}")
+            print(f"    V, predicted, fitted with the AD2CP of the other dives: {in_words(score)}")
             figures.setdefault("V, fitted with the AD2CP", []).append(100.0 * score["rmse"])
         met = water(split.measured, table, found.stored)
         figures.setdefault("w", []).append(100.0 * rms(met.model))
@@ -360,17 +358,8 @@ def parameters(prepared: Prepared) -> Iterator[str]:
 
 def main() -> int:
     """Print a paragraph for each mission, then a verdict on each goal; return 1 if one is missed, 2 without data."""
-    given = sys.argv[1:]
-    where = given[0] if given else os.environ.get("SEATRIAL_DATA")
-    names = tuple(given[1:]) or FLOWN
-    if not where or not Path(where).is_dir():
-        print("real logs: found no folder; expected one as argument or in SEATRIAL_DATA", file=sys.stderr)
-        return 2
-    unknown = [name for name in names if name not in MISSIONS]
-    if unknown:
-        print(f"mission: found '{unknown[0]}'; expected one of {', '.join(FLOWN)}", file=sys.stderr)
-        return 2
-    return verdict(Path(where), names)
+    meant = asked(FLOWN)
+    return 2 if meant is None else verdict(*meant)
 
 
 def verdict(data: Path, names: tuple[str, ...] = FLOWN) -> int:

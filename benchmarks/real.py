@@ -8,7 +8,6 @@ Usage: ``python benchmarks/real.py DATA``, DATA a folder of real logs (default: 
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -18,11 +17,15 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.heldout import verdict
 from benchmarks.truth import (
+    DEPTHS,
     MISSIONS,
     Real,
+    asked,
     by_unadjusted_force,
     estimated,
+    in_words,
     lay_out,
     read,
     score_comet,
@@ -35,18 +38,14 @@ from pipeline.records import of_method
 from pipeline.store import read_json, read_table
 
 METHODS = ("kinematic", "force")
-DEPTHS = ((12.0, 35.0, "12-35 dbar"), (12.0, 1e4, ">= 12 dbar"))
 
 
 def main() -> int:
     """Print one line a figure and a verdict on each goal; return 1 if a mission failed or a goal is missed."""
-    from benchmarks.heldout import verdict
-
-    where = sys.argv[1] if len(sys.argv) > 1 else os.environ.get("SEATRIAL_DATA")
-    if not where or not Path(where).is_dir():
-        print("real logs: found no folder; expected one as argument or in SEATRIAL_DATA", file=sys.stderr)
+    meant = asked(tuple(MISSIONS))
+    if meant is None:
         return 2
-    data = Path(where)
+    data, _ = meant
     with tempfile.TemporaryDirectory() as scratch:
         raw, processed, reports = (Path(scratch) / name for name in ("raw", "processed", "reports"))
         lay_out(data, raw)
@@ -72,14 +71,14 @@ def about_comet(data: Path, comet: Real, estimates: pd.DataFrame) -> None:
     tables["force, nothing adjusted"] = by_unadjusted_force(comet, comet.vehicle)
     for name, table in tables.items():
         for shallow, deep, label in DEPTHS:
-            print(f"comet, V against the DVL, {name}, {label}: {said(score_comet(data, table, shallow, deep))}")
+            print(f"comet, V against the DVL, {name}, {label}: {in_words(score_comet(data, table, shallow, deep))}")
     used = estimated(with_dvl(comet, data))
     flagged = used.report["compatibility"]["outliers"]["instruments"]["speed"]
     samples = ", ".join(f"{100 * one['value']:.0f} cm/s at {one['time_s']:.0f} s" for one in flagged["first"])
     print(f"comet, the DVL used: {flagged['count']} samples flagged as outliers: {samples}")
     for method in METHODS:
         score = score_comet(data, of_method(used.estimates, method), 12.0, 35.0)
-        print(f"    {method}, of the DVL that it has seen, 12-35 dbar: {said(score)}")
+        print(f"    {method}, of the DVL that it has seen, 12-35 dbar: {in_words(score)}")
 
 
 def about_sg171(data: Path, sg171: Real, estimates: pd.DataFrame) -> None:
@@ -90,20 +89,12 @@ def about_sg171(data: Path, sg171: Real, estimates: pd.DataFrame) -> None:
     for name, table in tables.items():
         score, water = score_sg171(data, table), water_rms(table, sg171.records)
         print(
-            f"sg171, V against the AD2CP, {name}: {said(score)}; w_w in steady flight {100 * water['rms']:.2f} cm/s RMS"
-            f" ({100 * water['with_std']:.2f} with its own uncertainty)"
+            f"sg171, V against the AD2CP, {name}: {in_words(score)}; "
+            f"w_w in steady flight {100 * water['rms']:.2f} cm/s RMS ({100 * water['with_std']:.2f} with its own uncertainty)"
         )
     print(
         f"sg171, V against the AD2CP, stored solution: RMSE {100 * score['stored_rmse']:.2f} cm/s, "
         f"bias {100 * score['stored_bias']:+.2f} cm/s"
-    )
-
-
-def said(score: dict[str, float]) -> str:
-    """Return a score in words."""
-    return (
-        f"RMSE {100 * score['rmse']:.2f} cm/s, bias {100 * score['bias']:+.2f} cm/s, 95 % interval covers "
-        f"{100 * score['coverage']:.0f} % ({score['n']:.0f} of {score['samples']:.0f} observable)"
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -48,6 +50,30 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
 
 #: Random error of comet's DVL, m/s.
 DVL_STD = 0.006
+
+
+#: Ranges of pressure, dbar, that comet is scored in.
+DEPTHS = ((12.0, 35.0, "12-35 dbar"), (12.0, 1e4, ">= 12 dbar"))
+
+
+def asked(offered: tuple[str, ...]) -> tuple[Path, tuple[str, ...]] | None:
+    """Return the folder of real logs and the missions that the command line names; None, and a line, if there is none.
+
+    Parameters
+    ----------
+    offered
+        The missions meant where none is named, of `MISSIONS`.
+    """
+    given = sys.argv[1:]
+    where = given[0] if given else os.environ.get("SEATRIAL_DATA")
+    if not where or not Path(where).is_dir():
+        print("real logs: found no folder; expected one as argument or in SEATRIAL_DATA", file=sys.stderr)
+        return None
+    unknown = [name for name in given[1:] if name not in MISSIONS]
+    if unknown:
+        print(f"mission: found '{unknown[0]}'; expected one of {', '.join(offered)}", file=sys.stderr)
+        return None
+    return Path(where), tuple(given[1:]) or offered
 
 
 def lay_out(data: Path, raw: Path, names: tuple[str, ...] = tuple(MISSIONS)) -> None:
@@ -191,6 +217,14 @@ def score_sg171(data: Path, estimates: pd.DataFrame) -> dict[str, float]:
         "stored_bias": float(np.nanmean(stored)),
         "stored_rmse": float(np.sqrt(np.nanmean(np.square(stored)))),
     }
+
+
+def in_words(score: dict[str, float]) -> str:
+    """Return a score in words."""
+    return (
+        f"RMSE {100 * score['rmse']:.2f} cm/s, bias {100 * score['bias']:+.2f} cm/s, 95 % interval covers "
+        f"{100 * score['coverage']:.0f} % ({score['n']:.0f} of {score['samples']:.0f} observable)"
+    )
 
 
 def water_rms(estimates: pd.DataFrame, records: pd.DataFrame) -> dict[str, float]:

@@ -37,11 +37,11 @@ STEPS, STILL = 15, 5e-3
 #: move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag; and as long as
 #: parameters are wrong, an error of V̇ or of net buoyancy as large as theirs would be found, and would hold them there.
 INSTRUMENTS = ("depth_noise", "swell")
-#: s, τ of w_w meanwhile. It is less than the water's, so that means over minutes count for more than what depth rate
-#: does within them: there a model that is steady but for V is wrong before it is wrong of the mean.
-BRIEF = 100.0
 #: Steps after which they are.
 SEARCHES = (2, 5)
+#: s, τ of w_w while parameters are adjusted. It is less than the water's, so that means over minutes count for more
+#: than what depth rate does within them: there a model that is steady but for V is wrong before it is wrong of the mean.
+BRIEF = 100.0
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
 #: not as believed, and contradicted by the data it gives way.
 YIELDING = 2.0
@@ -99,8 +99,10 @@ def adjust(
         Noise levels that are known; searched for if left out.
     """
     search = noise is None
-    ordinary = noise_from(stretches[0].series)._replace(tau_w=BRIEF, speed_scale=speed_scale)
-    settings = ordinary if noise is None else noise.settings
+    if noise is None:
+        settings = noise_from(stretches[0].series)._replace(tau_w=BRIEF, speed_scale=speed_scale)
+    else:
+        settings = noise.settings
     powered = any(stretch.force.driven for stretch in stretches)
     if powered:
         std = craft.std.copy()

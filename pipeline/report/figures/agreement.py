@@ -67,7 +67,7 @@ def agreement(comparison: pd.DataFrame) -> Picture | None:
     if speeds.empty:
         return None
     start, last = float(floats(drawn, "start_s").min()), float(floats(drawn, "end_s").max())
-    unit = "days" if last - start > 3 * 86400.0 else "hours"
+    unit = clock(np.array([last]), start)[1]
     with style():
         figure = canvas(WIDTH, 4.8)
         axes = figure.subplot_mosaic([["equal", "speed"], ["equal", "rate"]], width_ratios=(1, 1.35))

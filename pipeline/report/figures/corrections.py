@@ -42,7 +42,7 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
     first, second = fit["parameters"][:2]
     residuals = fit["residuals"]
     time = np.asarray(residuals["time_s"], dtype=np.float64)
-    unit = "days" if time[-1] - time[0] > 3 * 86400.0 else "hours"
+    middle, unit = clock(time, float(time[0]))
     with style():
         figure = canvas(WIDTH, 4.2)
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.35))
@@ -62,7 +62,6 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
         left.axvline(0.0, color=INK, linewidth=0.6)
         left.set_xlabel(f"{first['symbol']}, {first['unit']}")
         left.set_ylabel(f"{second['symbol']}, {second['unit']}")
-        hours = clock(time, float(time[0]), unit)[0]
         for key, colour, marker, label in (
             ("before_m_s", VOID, "o", "before"),
             ("after_m_s", MEASURED, "D", "after"),
@@ -71,7 +70,7 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
             errors = 100 * np.asarray(residuals["std_m_s"], dtype=np.float64) if key == "after_m_s" else None
             label = f"{label}, RMS {np.sqrt(np.mean(values**2)):.2f} cm/s"
             right.errorbar(
-                hours, values, yerr=errors, color=colour, marker=marker, markersize=4, linestyle="none",
+                middle, values, yerr=errors, color=colour, marker=marker, markersize=4, linestyle="none",
                 elinewidth=0.6, alpha=0.85, rasterized=time.size > MOST_MARKS, label=label,
             )  # fmt: skip
         right.axhline(0.0, color=INK, linewidth=0.9, linestyle="--")

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.records import Column
+from pipeline.report.compare import DIRECTIONS
 from pipeline.report.figures.drawing import (
     INK,
     MARKERS,
@@ -36,7 +37,6 @@ COLUMNS = (
     Column("before_m_s", "m/s", "depth rate, measured less predicted, before the corrections"),
     Column("after_m_s", "m/s", "the same after the corrections"),
 )
-WORDS = {-1: "dives", 0: "level", 1: "climbs"}
 
 
 def residuals(fit: Mapping[str, Any]) -> Picture | None:
@@ -45,12 +45,12 @@ def residuals(fit: Mapping[str, Any]) -> Picture | None:
         return None
     found = fit["residuals"]
     time = np.asarray(found["time_s"], dtype=np.float64)
-    unit = "days" if time[-1] - time[0] > 3 * 86400.0 else "hours"
+    middle, unit = clock(time, float(time[0]))
     against: list[tuple[Array, str]] = [
         (np.asarray(found["pitch_deg"]), "pitch, °"),
         (np.asarray(found["depth_m"]), "depth, m"),
         (100.0 * np.asarray(found["speed_m_s"]), "speed by the corrected theory, cm/s"),
-        (clock(time, float(time[0]), unit)[0], since(float(time[0]), unit)),
+        (middle, since(float(time[0]), unit)),
         (np.asarray(found["heading_deg"]), "heading, °"),
     ]
     shown = [(value, label) for value, label in against if np.isfinite(value).any()]
@@ -69,7 +69,12 @@ def residuals(fit: Mapping[str, Any]) -> Picture | None:
                 look: dict[str, Any] = {"linestyle": "none", "marker": marker, "rasterized": time.size > MOST_MARKS}
                 axes.plot(value[inside], before[inside], color=VOID, markersize=3.5, alpha=0.7, **look)
                 axes.plot(
-                    value[inside], after[inside], color=MEASURED, markersize=4.0, label=f"after, {WORDS[side]}", **look
+                    value[inside],
+                    after[inside],
+                    color=MEASURED,
+                    markersize=4.0,
+                    label=f"after, {DIRECTIONS[side]}",
+                    **look,
                 )
             axes.axhline(0.0, color=INK, linewidth=0.8, linestyle="--")
             axes.set_xlabel(label)
