@@ -90,7 +90,8 @@ def about_sg171(data: Path, sg171: Real, estimates: pd.DataFrame) -> None:
         score, water = score_sg171(data, table), water_rms(table, sg171.records)
         print(
             f"sg171, V against the AD2CP, {name}: {in_words(score)}; "
-            f"w_w in steady flight {100 * water['rms']:.2f} cm/s RMS ({100 * water['with_std']:.2f} with its own uncertainty)"
+            f"w_w in steady flight {100 * water['rms']:.2f} cm/s RMS"
+            f" ({100 * water['with_std']:.2f} with its own uncertainty)"
         )
     print(
         f"sg171, V against the AD2CP, stored solution: RMSE {100 * score['stored_rmse']:.2f} cm/s, "

@@ -40,7 +40,7 @@ INSTRUMENTS = ("depth_noise", "swell")
 #: Steps after which they are.
 SEARCHES = (2, 5)
 #: s, τ of w_w while parameters are adjusted. It is less than the water's, so that means over minutes count for more
-#: than what depth rate does within them: there a model that is steady but for V is wrong before it is wrong of the mean.
+#: than what depth rate does within them: there a model that is steady but for V is wrong sooner than in the mean.
 BRIEF = 100.0
 #: The prior of net buoyancy is quadratic within this many 1-sigma and linear beyond: ballast is what is most often
 #: not as believed, and contradicted by the data it gives way.
