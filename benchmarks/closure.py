@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,7 @@ from pipeline.report.closures import horizontal_of
 from pipeline.report.fitting.closure import Closure, close
 from pipeline.report.fitting.constraint import Displacements
 from pipeline.report.fitting.fit import solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.passages import Passages, by_blocks, find, mean_of, through_water
 from pipeline.report.fitting.regression import Problem, solve
 from pipeline.report.fitting.weighing import weighed
@@ -107,13 +108,13 @@ def about(name: str, data: Path, raw: Path) -> bool:
         horizontal = (table["speed"] * np.cos(table["path_angle"])).to_numpy()
         through = through_water(passages, seconds(table["time"]), horizontal)
         print(f"    {method} estimate: {said(close(passages, through))}")
-    given: dict[str, Any] = {
-        "settings": made.report["settings"],
-        "ballast_std": mission.ballast.std,
-        "pitch_std": math.radians(mission.pitch.std_deg),
-    }
-    problem, reason = solvable(made.blocks, real.vehicle, **given)
-    if problem is None:
+    given = Given(
+        settings=made.report["settings"],
+        ballast_std=mission.ballast.std,
+        pitch_std=math.radians(mission.pitch.std_deg),
+    )
+    problem, reason = solvable(made.blocks, real.vehicle, given)
+    if reason:
         print(f"    theory: {reason}")
         return True
     print(f"    theory by the vehicle file: {said(of_theory(passages, problem, np.zeros(len(problem.model.names))))}")
@@ -121,8 +122,7 @@ def about(name: str, data: Path, raw: Path) -> bool:
     sensor = adcp(data) if name == "sg171" else None
     verdict = True
     for label, constraints in (("without displacements", ()), ("with displacements", (constraint,))):
-        problem, _ = solvable(made.blocks, real.vehicle, constraints=constraints, **given)
-        assert problem is not None
+        problem, _ = solvable(made.blocks, real.vehicle, replace(given, constraints=constraints))
         free = problem.freeing(FREE)
         solution = solve(weighed(free)[0], prior_on_free=True)
         if solution is None:

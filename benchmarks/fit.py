@@ -42,6 +42,7 @@ from pipeline.model.forces import GRAVITY
 from pipeline.model.steady import trim_at_pitch
 from pipeline.records import BLOCKS, conform, seconds, timestamps
 from pipeline.report.fitting.fit import FREE, solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.regression import Problem, Solution, solve
 
 MOST_BLOCK_MS, LEAST_STEADY, LEAST_DYNAMIC = 10.0, 20.0, 500.0
@@ -89,7 +90,7 @@ def twenty_dives() -> tuple[Problem, Callable[[], Solution | None]]:
 
     def problem() -> Problem:
         made, reason = solvable(blocks, vehicle)
-        if made is None:
+        if reason:
             raise ValueError(reason)
         return made.freeing(FREE)
 
@@ -127,8 +128,8 @@ def beside_gliderflight(data: Path, raw: Path) -> list[bool]:
         raise ValueError("comet: no mass")
     prepared = preparation.prepare([real.records], real.vehicle, real.mission, ballast)
     blocks = pd.concat([found.blocks for found in stage.solved([real.records], prepared)], ignore_index=True)
-    made, reason = solvable(blocks, real.vehicle, ballast_std=real.mission.ballast.std)
-    if made is None:
+    made, reason = solvable(blocks, real.vehicle, Given(ballast_std=real.mission.ballast.std))
+    if reason:
         raise ValueError(reason)
     problem = made.freeing(FREE)
     series = reconcile(real.records, from_records(real.records), real.vehicle, real.mission).series

@@ -47,6 +47,7 @@ from pipeline.report.covariance import Whitener
 from pipeline.report.fitting.causes import CAUSES
 from pipeline.report.fitting.evidence import information, posterior, separation, stated, with_cause
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.judgement import NOTHING
 from pipeline.report.fitting.observations import BatteryPositions, observe
@@ -140,6 +141,10 @@ class Campaign:
         """The true strength and correlation time of the water, as the estimator reports its own."""
         return {"sigma_w": self.water[0], "tau_w": self.water[1]}
 
+    def given(self, settings: Mapping[str, Any]) -> Given:
+        """Return what fit and ranking are given, in water of these settings."""
+        return Given(settings, self.ballast_std, math.radians(self.pitch_std_deg))
+
 
 def campaign(number: int) -> Campaign:
     """Return the campaign with this number: its cause in turn, its class in turn, its orders drawn."""
@@ -212,13 +217,7 @@ def planned_blocks(planned: Campaign) -> pd.DataFrame:
 
 
 def _observed(planned: Campaign, blocks: pd.DataFrame) -> Problem:
-    return observe(
-        blocks,
-        planned.craft,
-        settings=planned.settings,
-        ballast_std=planned.ballast_std,
-        pitch_std=math.radians(planned.pitch_std_deg),
-    )
+    return observe(blocks, planned.craft, planned.given(planned.settings))
 
 
 def _drawn(number: int, cause: str, wanted: str, rng: np.random.Generator) -> Campaign:
@@ -382,9 +381,7 @@ def flown_blocks(planned: Campaign) -> tuple[Summary, dict[str, float]]:
 
 def settled(planned: Campaign, flown: Summary) -> dict[str, Any]:
     """Return the estimator's settings with the water as the blocks have it, which the report goes by."""
-    pitch_std = math.radians(planned.pitch_std_deg)
-    settings, ballast_std = flown.report["settings"], planned.ballast_std
-    return sea(flown.blocks, planned.craft, settings=settings, ballast_std=ballast_std, pitch_std=pitch_std)
+    return sea(flown.blocks, planned.craft, planned.given(flown.report["settings"]))
 
 
 def _ignore(_estimates: pd.DataFrame) -> None:
@@ -407,13 +404,8 @@ def scored(
     settings
         The water that fit and ranking are told of.
     """
-    known: dict[str, Any] = {
-        "settings": settings,
-        "ballast_std": planned.ballast_std,
-        "pitch_std": math.radians(planned.pitch_std_deg),
-    }
-    ranked = rank(blocks, planned.craft, **known)
-    fitted = fit(blocks, planned.craft, **known)
+    given = planned.given(settings)
+    ranked, fitted = rank(blocks, planned.craft, given), fit(blocks, planned.craft, given)
     tested = [row for row in ranked["rows"] if math.isfinite(row["ratio"])]
     untold = {*ranked["named"], *ranked["hidden"], *ranked["hinted"]}
     untold |= {row["name"] for row in ranked["rows"] if row not in tested or abs(planned.change) < row["seen_from"]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from pipeline.report.compatibility import compatibility
 from pipeline.report.fitting.constraint import told_by
 from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit, solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Configuration
 from pipeline.report.fitting.sea import sea
@@ -46,18 +48,20 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         blocks, inputs.predictions, inputs.vehicle, sensor_used=sensor_used, settings=settings, gps=gps
     )
     means = averages.means(comparison, settings)
-    known: dict[str, Any] = {
-        "ballast_std": mission.ballast.std,
-        "pitch_std": math.radians(mission.pitch.std_deg),
-        "use_sensor": sensor_used,
-        "gps": gps,
-        "configurations": [Configuration(item.name, *item.dives) for item in mission.configurations],
-    }
-    known["settings"] = sea(blocks, inputs.vehicle, settings=settings, **known)
+    given = Given(
+        settings=settings,
+        ballast_std=mission.ballast.std,
+        pitch_std=math.radians(mission.pitch.std_deg),
+        use_sensor=sensor_used,
+        gps=gps,
+        configurations=tuple(Configuration(item.name, *item.dives) for item in mission.configurations),
+    )
+    given = replace(given, settings=sea(blocks, inputs.vehicle, given))
     passages = of_mission(inputs)
-    begin, _ = solvable(blocks, inputs.vehicle, **known)
-    told = () if begin is None or mission.gps == "ignore" or gps is not None else told_by(passages, begin.model)
-    fitted = fit(blocks, inputs.vehicle, constraints=told, **known)
+    begin, reason = solvable(blocks, inputs.vehicle, given)
+    if not reason and mission.gps != "ignore" and gps is None:
+        given = replace(given, constraints=told_by(passages, begin.model))
+    fitted = fit(blocks, inputs.vehicle, given)
     fitted["counterpart"] = counterpart(fitted, inputs.estimate.get("force") or {}, sensor_used=sensor_used)
     trial = nominal.table(mission, inputs.vehicle, blocks, comparison, inputs.estimate)
     model = stored.check(
@@ -88,7 +92,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
         "closure": closures(inputs, passages),
-        "hypotheses": rank(blocks, inputs.vehicle, constraints=told, **known),
+        "hypotheses": rank(blocks, inputs.vehicle, given),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),
         "sensor": inputs.estimate.get("coverage"),

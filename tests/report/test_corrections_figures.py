@@ -9,11 +9,12 @@ from pipeline.report.figures.corrections import corrections
 from pipeline.report.figures.profiles import profiles
 from pipeline.report.figures.residuals import residuals
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.given import Given
 
 
 @pytest.fixture(scope="module")
 def fitted(exact):
-    return fit(blocks(dives=6), exact, settings=SETTINGS)
+    return fit(blocks(dives=6), exact, Given(SETTINGS))
 
 
 @pytest.mark.parametrize("figure", [corrections, profiles, residuals])

@@ -104,20 +104,14 @@ def residuals(problem: Problem, alone: Solution) -> dict[str, list[float]]:
     }
 
 
-def refused(
-    model: Model,
-    free: Sequence[str],
-    priors: Mapping[str, float],
-    sizes: Mapping[str, Any],
-    reason: str,
-    condition: float,
-) -> dict[str, Any]:
+def refused(problem: Problem, sizes: Mapping[str, Any], reason: str, condition: float) -> dict[str, Any]:
     """Return a fit without values, and why."""
-    none = (math.nan, math.nan)
+    none, model = (math.nan, math.nan), problem.model
     result: dict[str, Any] = {
         "reason": reason,
         "parameters": [
-            parameter(name, model, none, none, priors.get(name, math.nan)) | {"verdict": reason} for name in free
+            parameter(name, model, none, none, problem.priors.get(name, math.nan)) | {"verdict": reason}
+            for name in model.names[: problem.free]
         ],
         "correlation": [],
         "covariance": [],

@@ -9,7 +9,7 @@ pitch bias – stays in it as an unknown held by its 1-sigma, so that the standa
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,13 +19,14 @@ import pandas as pd
 from pipeline.report.fitting import battery
 from pipeline.report.fitting.account import account, inflation_of, outliers, refused, residuals
 from pipeline.report.fitting.counterpart import with_lift_kept
+from pipeline.report.fitting.given import DEFAULT, Given
 from pipeline.report.fitting.heldout import left_out_dives
 from pipeline.report.fitting.model import Model
-from pipeline.report.fitting.parameters import of_configurations, prior_stds
-from pipeline.report.fitting.points import Configuration, Points
+from pipeline.report.fitting.parameters import of_configurations
+from pipeline.report.fitting.points import Points
 from pipeline.report.fitting.regression import Problem, Solution, outlying, solve
 from pipeline.report.fitting.selection import Choice, choose, condition_index, fitted, refusal
-from pipeline.report.fitting.terms import Constraint, measurements
+from pipeline.report.fitting.terms import Constraint
 from pipeline.report.fitting.text import text
 from pipeline.report.fitting.uncertainty import RESAMPLES, bootstrap, colour, profile
 from pipeline.report.fitting.weighing import weighed
@@ -38,15 +39,9 @@ FREE = ("parasite_drag", "net_buoyancy")
 def fit(
     blocks: pd.DataFrame,
     vehicle: Vehicle,
+    given: Given = DEFAULT,
     *,
-    settings: Mapping[str, Any] | None = None,
     free: Sequence[str] | None = None,
-    ballast_std: float = 0.3,
-    pitch_std: float = math.radians(0.3),
-    use_sensor: bool = False,
-    gps: tuple[float, float] | None = None,
-    configurations: Sequence[Configuration] = (),
-    constraints: Sequence[Constraint] = (),
     resamples: int = RESAMPLES,
 ) -> dict[str, Any]:
     """Return the fitted corrections with everything a reader needs to trust or doubt them.
@@ -57,20 +52,10 @@ def fit(
         The canonical table `records.BLOCKS`.
     vehicle
         The vehicle whose coefficients are corrected; its 1-sigma are the priors.
-    settings
-        The estimator's ``sigma_w`` [m/s] and ``tau_w`` [s].
+    given
+        What else is known and compared.
     free
         What is fitted, of `parameters.CORRECTIONS`; if left out, chosen by what the data can tell, from `FREE` on.
-    ballast_std, pitch_std
-        Prior 1-sigma of the constant part of net buoyancy, N, and of the pitch bias, rad.
-    use_sensor
-        Whether speeds by the sensor are fitted, rather than held out.
-    gps
-        Speed of level powered flight and its 1-sigma, m/s.
-    configurations
-        What the vehicle carried on which dives; the first is the one of reference.
-    constraints
-        What else tells of the corrections, see `terms.Constraint`.
     resamples
         Of the bootstrap.
 
@@ -87,54 +72,48 @@ def fit(
     KeyError
         If there is no such correction as one of `free`.
     """
-    points, reason = selected(blocks, vehicle, configurations)
+    problem, reason = solvable(blocks, vehicle, given)
+    points = problem.points
     used = int(blocks["used"].sum()) if len(blocks) else 0
-    sizes: dict[str, Any] = {"blocks_steady": used, "blocks": points.size, "dives": int(np.unique(points.dive).size)}
-    priors = prior_stds(vehicle, points, ballast_std, pitch_std)
     first = tuple(free) if free is not None else (*FREE, *of_configurations(points))
+    problem = problem.freeing(first)
+    sizes: dict[str, Any] = {
+        "blocks_steady": used,
+        "blocks": points.size,
+        "dives": int(np.unique(points.dive).size),
+        "sensor_speeds": _count(problem.terms, "speeds by a sensor"),
+        "gps_speeds": _count(problem.terms, "speed of level"),
+    }
     if reason:
-        return refused(Model(vehicle, points, first), first, priors, sizes, reason, math.nan)
-    terms = (*measurements(points, settings, use_sensor, gps), *constraints)
-    problem = Problem(Model(vehicle, points, ()), terms, priors, 0).freeing(first)
-    sizes |= {"sensor_speeds": _count(terms, "speeds by a sensor"), "gps_speeds": _count(terms, "speed of level")}
+        return refused(problem, sizes, reason, math.nan)
     reason, condition = refusal(problem), condition_index(problem)
     if not reason and problem.size <= len(first):
         found, needed = f"{points.size} steady block(s)", len(first) + 1
         reason = f"{found} for {len(first)} corrections: at least {needed} are needed"
     if reason:
-        return refused(problem.model, first, priors, sizes, reason, condition)
+        return refused(problem, sizes, reason, condition)
     choice, scatter = _chosen(problem, asked=free is not None)
     both = None if choice is None else solve(choice.problem, prior_on_free=True, weights=choice.solution.weights)
     if choice is None or both is None or not both.converged:
-        reason = "the fit does not converge: look at pitch and buoyancy of the blocks"
-        return refused(problem.model, first, priors, sizes, reason, condition)
+        return refused(problem, sizes, "the fit does not converge: look at pitch and buoyancy of the blocks", condition)
     result = _finished(choice, both, vehicle, resamples) | sizes | {"depth_rate_scatter": scatter}
     return result | {"text": text(result)}
 
 
-def solvable(
-    blocks: pd.DataFrame,
-    vehicle: Vehicle,
-    *,
-    settings: Mapping[str, Any] | None = None,
-    ballast_std: float = 0.3,
-    pitch_std: float = math.radians(0.3),
-    use_sensor: bool = False,
-    gps: tuple[float, float] | None = None,
-    configurations: Sequence[Configuration] = (),
-    constraints: Sequence[Constraint] = (),
-) -> tuple[Problem | None, str]:
-    """Return the problem that `fit` solves, nothing free yet, or why there is none; arguments as for `fit`.
+def solvable(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> tuple[Problem, str]:
+    """Return the problem that `fit` solves, nothing free yet, and why it cannot be: then it compares nothing.
 
     ``problem.freeing(names)`` frees a set, `selection.refusal` says whether the data can carry it, `selection.fitted`
     solves it, and `heldout.left_out_dives` scores it.
+
+    Parameters
+    ----------
+    blocks, vehicle, given
+        As for `fit`.
     """
-    points, reason = selected(blocks, vehicle, configurations)
-    if reason:
-        return None, reason
-    terms = (*measurements(points, settings, use_sensor, gps), *constraints)
-    priors = prior_stds(vehicle, points, ballast_std, pitch_std)
-    return Problem(Model(vehicle, points, ()), terms, priors, 0).freeing(()), ""
+    points, reason = selected(blocks, vehicle, given)
+    terms = () if reason else given.terms(points)
+    return Problem(Model(vehicle, points, ()), terms, given.priors(vehicle, points), 0).freeing(()), reason
 
 
 def select(blocks: pd.DataFrame, vehicle: Vehicle) -> tuple[pd.DataFrame, str]:
@@ -144,12 +123,10 @@ def select(blocks: pd.DataFrame, vehicle: Vehicle) -> tuple[pd.DataFrame, str]:
     return blocks[used].sort_values("start", kind="stable").reset_index(drop=True), reason
 
 
-def selected(
-    blocks: pd.DataFrame, vehicle: Vehicle, configurations: Sequence[Configuration] = ()
-) -> tuple[Points, str]:
+def selected(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> tuple[Points, str]:
     """Return the blocks that theory can predict, and why there are none."""
     used = blocks["used"].to_numpy(dtype=bool)
-    points = Points.of(blocks if used.all() else blocks[used], vehicle, configurations)
+    points = given.points(blocks if used.all() else blocks[used], vehicle)
     if not points.size:
         return points, "no steady block"
     present = np.ones(points.size, dtype=bool)

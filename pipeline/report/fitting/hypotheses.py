@@ -22,12 +22,11 @@ from pipeline.report.fitting.causes import CAUSES, Cause
 from pipeline.report.fitting.evidence import Posterior, Prior, information, posterior, stated, with_cause
 from pipeline.report.fitting.experiment import Pair, experiment
 from pipeline.report.fitting.fit import select
+from pipeline.report.fitting.given import DEFAULT, Given
 from pipeline.report.fitting.judgement import NOTHING, POSITIVE, STRONG, Judged, Tried, sentence
-from pipeline.report.fitting.observations import BALANCE, BatteryPositions, Widened, observe
+from pipeline.report.fitting.observations import BALANCE, BatteryPositions, observe
 from pipeline.report.fitting.parameters import COEFFICIENTS
-from pipeline.report.fitting.points import Configuration
 from pipeline.report.fitting.regression import Problem
-from pipeline.report.fitting.terms import Constraint
 from pipeline.vehicle import Vehicle
 
 #: A cause would be seen where one of its size moves the data by this χ² (3-sigma).
@@ -41,23 +40,13 @@ FOLDS = 5
 
 
 def rank(
-    blocks: pd.DataFrame,
-    vehicle: Vehicle,
-    *,
-    settings: Mapping[str, Any] | None = None,
-    ballast_std: float = 0.3,
-    pitch_std: float = math.radians(0.3),
-    use_sensor: bool = False,
-    gps: tuple[float, float] | None = None,
-    configurations: Sequence[Configuration] = (),
-    constraints: Sequence[Constraint] = (),
-    causes: Sequence[Cause] = CAUSES,
+    blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT, *, causes: Sequence[Cause] = CAUSES
 ) -> dict[str, Any]:
     """Return the hypotheses in the order of their evidence, and the verdict.
 
     Parameters
     ----------
-    blocks, vehicle, settings, ballast_std, pitch_std, use_sensor, gps, configurations, constraints
+    blocks, vehicle, given
         As for `fit.fit`.
     causes
         What is tried; their order does not matter.
@@ -76,19 +65,9 @@ def rank(
         return _refusal(reason)
 
     def observed(table: pd.DataFrame, sensor: bool) -> Problem:
-        return observe(
-            table,
-            vehicle,
-            settings=settings,
-            ballast_std=ballast_std,
-            pitch_std=pitch_std,
-            use_sensor=sensor,
-            gps=gps,
-            configurations=configurations,
-            constraints=constraints,
-        )
+        return observe(table, vehicle, replace(given, use_sensor=sensor))
 
-    problem = observed(chosen, use_sensor)
+    problem = observed(chosen, given.use_sensor)
     known = stated(problem)
     possible = {cause: _spread(cause, problem) for cause in causes if not _untestable(cause, problem)}
     problem = _widened(problem, known, possible)
@@ -103,7 +82,8 @@ def rank(
     tried.sort(key=lambda one: (-one.ratio, one.cause.name))
     judged = _judged(problem, known, none, tried)
     rows = judged.rows + [_untried(cause, problem) for cause in causes if cause not in possible]
-    what = experiment(chosen, observed, known, judged.pairs, use_sensor) if judged.pairs else ""
+    what = experiment(chosen, observed, known, judged.pairs, given.use_sensor) if judged.pairs else ""
+    sigma, tau = water_of(given.settings)
     return {
         "rows": rows,
         "verdict": sentence(judged, what),
@@ -113,9 +93,9 @@ def rank(
         "told_apart": judged.told_apart,
         "experiment": what,
         "ratio_together": together([one.ratio for one in tried]) if tried else math.nan,
-        "std_factors": {term.name: term.factor for term in problem.terms if isinstance(term, Widened)},
-        "sigma_w_m_s": water_of(settings)[0],
-        "tau_w_s": water_of(settings)[1],
+        "std_factors": dict(problem.std_factors),
+        "sigma_w_m_s": sigma,
+        "tau_w_s": tau,
         "reason": "",
     }
 
@@ -208,18 +188,17 @@ def _widened(problem: Problem, known: Prior, causes: Mapping[Cause, float]) -> P
     for cause, spread in causes.items():
         prior = with_cause(prior, problem.model.names.index(cause.unknown), spread)
     full = posterior(problem, prior)
-    terms: list[Constraint] = []
+    factors: dict[str, float] = {}
     first = 0
     for term in problem.terms:
         rows = slice(first, first + term.dives.size)
         first = rows.stop
         if term.name not in SCATTERS:
-            terms.append(term)
             continue
         chi_square, freedom = float(np.sum(full.residual[rows] ** 2)), float(np.sum(1.0 - full.leverage[rows]))
         excessive = freedom > 1.0 and chi_square > float(chdtri(freedom, 0.025))
-        terms.append(Widened(term, math.sqrt(chi_square / freedom) if excessive else 1.0))
-    return replace(problem, terms=tuple(terms))
+        factors[term.name] = math.sqrt(chi_square / freedom) if excessive else 1.0
+    return replace(problem, std_factors=factors)
 
 
 def _rows(problem: Problem, known: Prior, none: Posterior, tried: Sequence[Tried]) -> list[dict[str, Any]]:

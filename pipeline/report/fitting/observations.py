@@ -9,9 +9,7 @@ Here every coefficient of it keeps its 1-sigma, and the position its own: an off
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,11 +17,11 @@ from numpy.typing import NDArray
 
 from pipeline.model.forces import GRAVITY
 from pipeline.report.fitting.causes import DRAG, TURNING
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.model import Flight, Model
-from pipeline.report.fitting.parameters import MOMENT, WATER, Correction, of_configurations, prior_stds
-from pipeline.report.fitting.points import Array, Configuration, Points
+from pipeline.report.fitting.parameters import MOMENT, WATER, Correction, of_configurations
+from pipeline.report.fitting.points import Array, Points
 from pipeline.report.fitting.regression import Problem
-from pipeline.report.fitting.terms import Constraint, measurements
 from pipeline.vehicle import KNOWN, Vehicle
 
 #: Coefficients of the moment balance, besides those of the flight.
@@ -108,65 +106,18 @@ class BatteryPositions:
         return c["battery_neutral_position"] + moment / arm, slope
 
 
-@dataclass(frozen=True)
-class Widened:
-    """A constraint whose 1-sigma are `factor` times what was assumed; a `terms.Constraint`."""
-
-    term: Constraint
-    factor: float
-
-    @property
-    def name(self) -> str:
-        """What it is."""
-        return self.term.name
-
-    @property
-    def tells_speed(self) -> bool:
-        """Whether it tells of speed."""
-        return self.term.tells_speed
-
-    @property
-    def dives(self) -> NDArray[np.int64]:
-        """Dive of each residual."""
-        return self.term.dives
-
-    def of(self, points: Points) -> Widened:
-        """Return the same for other blocks."""
-        return Widened(self.term.of(points), self.factor)
-
-    def residual(self, flight: Flight) -> Array:
-        """Return the residuals over their wider 1-sigma."""
-        return self.term.residual(flight) / self.factor
-
-    def jacobian(self, flight: Flight) -> Array:
-        """Return their slopes."""
-        return self.term.jacobian(flight) / self.factor
-
-
-def observe(
-    blocks: pd.DataFrame,
-    vehicle: Vehicle,
-    *,
-    settings: Mapping[str, Any] | None = None,
-    ballast_std: float,
-    pitch_std: float,
-    use_sensor: bool = False,
-    gps: tuple[float, float] | None = None,
-    configurations: Sequence[Configuration] = (),
-    constraints: Sequence[Constraint] = (),
-) -> Problem:
+def observe(blocks: pd.DataFrame, vehicle: Vehicle, given: Given) -> Problem:
     """Return what is observed in `blocks` and all that is not known of it, nothing free.
 
     Parameters
     ----------
     blocks
         Steady blocks that theory can fly, as `fit.select` gives them.
-    vehicle, settings, ballast_std, pitch_std, use_sensor, gps, configurations, constraints
+    vehicle, given
         As for `fit.fit`; the drag of a configuration beside the first is an unknown of the size of `causes.DRAG`.
     """
-    points = Points.of(blocks, vehicle, configurations)
-    terms = (*measurements(points, settings, use_sensor, gps), *(term.of(points) for term in constraints))
-    priors = prior_stds(vehicle, points, ballast_std, pitch_std)
+    points = given.points(blocks, vehicle)
+    terms, priors = given.terms(points), given.priors(vehicle, points)
     priors = {name: std for name, std in priors.items() if std > 0.0 or name in ALWAYS} | {WATER: 0.0}
     priors |= dict.fromkeys(of_configurations(points), DRAG * vehicle["parasite_drag"])
     extra: dict[str, Correction] = {}

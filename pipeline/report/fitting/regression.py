@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.report.fitting.model import Flight, Model
+from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import borrowed
 from pipeline.report.fitting.points import Array, Points
 from pipeline.report.fitting.terms import Constraint
@@ -43,12 +43,15 @@ class Problem:
         1-sigma before of each correction; NaN or absent where nothing is known.
     free
         Number of corrections that are fitted.
+    std_factors
+        By what factor the 1-sigma of a term, by its name, are wider than it has them; absent: by none.
     """
 
     model: Model
     terms: tuple[Constraint, ...]
     priors: Mapping[str, float]
     free: int
+    std_factors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def points(self) -> Points:
@@ -82,7 +85,14 @@ class Problem:
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Return the residuals, shape (m,), and their slopes, shape (m, k), with the corrections `x`."""
         flight = self.model.fly(x)
-        return _together(self.terms, flight)
+        factors = [self.std_factors.get(term.name, 1.0) for term in self.terms]
+        pairs = list(zip(self.terms, factors, strict=True))
+        left = np.concatenate([term.residual(flight) / factor for term, factor in pairs])
+        slope = np.concatenate([term.jacobian(flight) / factor for term, factor in pairs])
+        lost = ~np.isfinite(left)
+        if lost.any():
+            left, slope = np.where(lost, LOST, left), np.where(lost[:, None], 0.0, np.nan_to_num(slope))
+        return left, slope
 
     @cached_property
     def scale(self) -> Array:
@@ -107,15 +117,6 @@ class Problem:
 
 def _among(name: str, names: Sequence[str], held: Sequence[int]) -> bool:
     return name in names and names.index(name) in held
-
-
-def _together(terms: Sequence[Constraint], flight: Flight) -> tuple[Array, Array]:
-    left = np.concatenate([term.residual(flight) for term in terms])
-    slope = np.concatenate([term.jacobian(flight) for term in terms])
-    lost = ~np.isfinite(left)
-    if lost.any():
-        left, slope = np.where(lost, LOST, left), np.where(lost[:, None], 0.0, np.nan_to_num(slope))
-    return left, slope
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ doi:10.1093/biomet/58.3.545), and what is known of water beforehand.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -21,6 +20,7 @@ from pipeline.report.covariance import WATER, water_of
 from pipeline.report.fitting.causes import CAUSES
 from pipeline.report.fitting.evidence import Prior, posterior, stated, with_cause
 from pipeline.report.fitting.fit import select
+from pipeline.report.fitting.given import DEFAULT, Given
 from pipeline.report.fitting.observations import observe
 from pipeline.report.fitting.regression import Problem
 from pipeline.report.fitting.terms import DepthRates
@@ -32,28 +32,24 @@ STRENGTH, TIME = math.log(2.0), math.log(2.5)
 COARSE, FINE = np.linspace(-2.4, 2.4, 7), np.linspace(-0.6, 0.6, 7)
 
 
-def sea(
-    blocks: pd.DataFrame, vehicle: Vehicle, *, settings: Mapping[str, Any] | None = None, **known: Any
-) -> dict[str, Any]:
-    """Return `settings` with ``sigma_w`` [m/s] and ``tau_w`` [s] as the depth rates of the blocks have them.
+def sea(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> dict[str, Any]:
+    """Return the settings given with ``sigma_w`` [m/s] and ``tau_w`` [s] as the depth rates of the blocks have them.
 
     As they are where the blocks cannot be fitted.
 
     Parameters
     ----------
-    blocks, vehicle, settings
+    blocks, vehicle, given
         As for `fit.fit`.
-    **known
-        What else `observations.observe` takes.
     """
     chosen, reason = select(blocks, vehicle)
-    given = dict(settings or {})
+    settings = dict(given.settings or {})
     if reason or not water_of(settings)[0] > 0.0:
-        return given
-    problem = observe(chosen, vehicle, settings=settings, **known)
+        return settings
+    problem = observe(chosen, vehicle, given)
     prior = every_cause(problem)
     sigma, tau = likeliest(problem, prior)
-    return given | {"sigma_w": sigma, "tau_w": tau}
+    return settings | {"sigma_w": sigma, "tau_w": tau}
 
 
 def every_cause(problem: Problem) -> Prior:

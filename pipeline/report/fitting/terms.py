@@ -2,7 +2,7 @@
 
 Everything that tells of the corrections is a `Constraint`: residuals, each divided by its 1-sigma or whitened, and
 their slopes in the corrections. To add one, as the closure of GPS displacements, write a frozen dataclass with the
-five members of the protocol and hand it to `regression.Problem` (or to `fit.fit` as one of ``constraints``)::
+five members of the protocol and hand it to `regression.Problem` (or to `fit.fit` by `given.Given`)::
 
     @dataclass(frozen=True)
     class Closure:
@@ -27,15 +27,14 @@ has (as a current that is unknown) is best projected out of its residuals and sl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.model.forces import GRAVITY
-from pipeline.report.covariance import Whitener, water, water_of, with_measurement
+from pipeline.report.covariance import Whitener, water, with_measurement
 from pipeline.report.fitting.model import Flight, Model
 from pipeline.report.fitting.points import Array, Points
 from pipeline.vehicle import Vehicle
@@ -280,30 +279,3 @@ def _munk(vehicle: Vehicle) -> float:
     """Return m_3 − m_1, kg; 0 where added mass is not known."""
     difference = vehicle["mass_normal"] - vehicle["mass_forward"]
     return difference if math.isfinite(difference) else 0.0
-
-
-def measurements(
-    points: Points, settings: Mapping[str, Any] | None, use_sensor: bool, gps: tuple[float, float] | None
-) -> tuple[Constraint, ...]:
-    """Return what these blocks measured: depth rates, and speeds by sensor and GPS where there are any.
-
-    Parameters
-    ----------
-    points
-        Blocks.
-    settings
-        The estimator's ``sigma_w`` [m/s] and ``tau_w`` [s].
-    use_sensor
-        Whether speeds by the sensor are fitted, rather than held out.
-    gps
-        Speed of level powered flight and its 1-sigma, m/s.
-    """
-    terms: list[Constraint] = [DepthRates.made(points, *water_of(settings))]
-    sensor = SensorSpeeds(points)
-    if use_sensor and sensor.rows.size:
-        terms.append(sensor)
-    if gps is not None and all(math.isfinite(number) for number in gps) and gps[1] > 0.0:
-        level = LevelSpeed(points, *gps)
-        if level.rows.size:
-            terms.append(level)
-    return tuple(terms)

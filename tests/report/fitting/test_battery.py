@@ -6,6 +6,7 @@ from synthetic import SETTINGS, blocks
 
 from pipeline.model.steady import trim_at_pitch
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.given import Given
 from pipeline.vehicle import load
 
 
@@ -19,7 +20,7 @@ def balanced(vehicle, moment_at_zero: float):
 
 
 def trim(vehicle, table):
-    return fit(table, vehicle, settings=SETTINGS, resamples=10)["battery"]
+    return fit(table, vehicle, Given(SETTINGS), resamples=10)["battery"]
 
 
 def test_a_moment_that_the_vehicle_file_lacks_is_found_from_the_battery(petrel):

@@ -12,6 +12,7 @@ from pipeline.records import timestamps
 from pipeline.report.covariance import water
 from pipeline.report.fitting.constraint import Displacements, dense
 from pipeline.report.fitting.fit import fit, solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.passages import Passages, find
 from pipeline.report.fitting.points import Points
@@ -143,9 +144,7 @@ def test_lift_may_be_freed_thanks_to_the_fixes_and_is_found(petrel: Vehicle) -> 
     refused = fit(table, petrel, free=free, resamples=0)
     assert "depth rates alone do not tell lift" in refused["reason"]
     begin, _ = solvable(table, petrel)
-    assert begin is not None
-    problem, _ = solvable(table, petrel, constraints=(Displacements.made(found, begin.model),))
-    assert problem is not None
+    problem, _ = solvable(table, petrel, Given(constraints=(Displacements.made(found, begin.model),)))
     solution = fitted(problem.freeing(free))
     assert solution is not None
     change, std = solution.x[2], math.sqrt(solution.covariance[2, 2])

@@ -7,6 +7,7 @@ from synthetic import SETTINGS, blocks
 
 from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.given import Given
 
 
 def force(value: float, std: float) -> dict:
@@ -15,7 +16,7 @@ def force(value: float, std: float) -> dict:
 
 @pytest.fixture(scope="module")
 def fitted(petrel):
-    return fit(blocks(dives=8, extra_drag=1.53), petrel, settings=SETTINGS, resamples=10)
+    return fit(blocks(dives=8, extra_drag=1.53), petrel, Given(SETTINGS), resamples=10)
 
 
 def test_values_within_their_1_sigma_agree(fitted):
@@ -44,7 +45,7 @@ def test_a_fit_that_was_held_to_fixes_too_is_the_one_to_trust(fitted):
 
 def test_with_lift_kept_the_drag_has_a_smaller_1_sigma(fitted, exact):
     assert fitted["lift_kept"]["percent_std"] < fitted["parameters"][0]["percent_std"]
-    alone = fit(blocks(dives=8), exact, settings=SETTINGS, pitch_std=0.0, resamples=10)
+    alone = fit(blocks(dives=8), exact, Given(SETTINGS, pitch_std=0.0), resamples=10)
     assert alone["lift_kept"]["percent"] == pytest.approx(alone["parameters"][0]["percent"])
 
 
@@ -52,7 +53,7 @@ def test_without_both_there_is_nothing_to_compare(fitted, exact):
     nothing = counterpart(fitted, {}, sensor_used=False)
     assert nothing["agree"] is None
     assert nothing["sentences"] == []
-    refused = fit(blocks(dives=4).assign(used=False), exact, settings=SETTINGS)
+    refused = fit(blocks(dives=4).assign(used=False), exact, Given(SETTINGS))
     assert counterpart(refused, force(0.1, 0.1), sensor_used=False)["sentences"] == []
-    other = fit(blocks(dives=4), exact, settings=SETTINGS, free=("net_buoyancy",), resamples=10)
+    other = fit(blocks(dives=4), exact, Given(SETTINGS), free=("net_buoyancy",), resamples=10)
     assert math.isnan(other["lift_kept"]["percent"])

@@ -7,12 +7,13 @@ import pytest
 from synthetic import SETTINGS, blocks
 
 from pipeline.report.fitting.fit import fit
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.text import text
 from pipeline.vehicle import Vehicle
 
 
 def solve(vehicle: Vehicle, table, **options):
-    return fit(table, vehicle, **({"settings": SETTINGS, "pitch_std": 0.0} | options))
+    return fit(table, vehicle, Given(**({"settings": SETTINGS, "pitch_std": 0.0} | options)))
 
 
 def values(result) -> dict[str, tuple[float, float]]:

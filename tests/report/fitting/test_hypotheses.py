@@ -13,9 +13,10 @@ from pipeline.report.fitting.causes import CAUSES
 from pipeline.report.fitting.evidence import stated
 from pipeline.report.fitting.experiment import candidates
 from pipeline.report.fitting.fit import select
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank, together
 from pipeline.report.fitting.judgement import NOTHING
-from pipeline.report.fitting.observations import BatteryPositions, Widened, observe
+from pipeline.report.fitting.observations import BatteryPositions, observe
 from pipeline.vehicle import Coefficient, Vehicle
 
 CALM = {"sigma_w": 0.003, "tau_w": 300.0}
@@ -32,9 +33,9 @@ def sure(petrel: Vehicle) -> Vehicle:
     return replace(petrel, coefficients=known | {"battery_neutral_position": replace(neutral, std=0.001)})
 
 
-def ranked(vehicle: Vehicle, table, **options):
+def ranked(vehicle: Vehicle, table, causes=CAUSES, **options):
     known = {"settings": CALM, "ballast_std": 0.05, "pitch_std": math.radians(0.1)}
-    return rank(table, vehicle, **(known | options))
+    return rank(table, vehicle, Given(**(known | options)), causes=causes)
 
 
 def telling(**options):
@@ -235,8 +236,8 @@ def test_the_mean_of_ratios_is_taken_of_ratios():
 def test_slopes_of_all_that_is_observed_agree_with_finite_differences(sure):
     table = with_battery(telling(powered_climbs=True, sensor=True), sure, 0.002).assign(roll=0.2)
     chosen, _reason = select(table, sure)
-    problem = observe(chosen, sure, settings=CALM, ballast_std=0.1, pitch_std=0.002, use_sensor=True)
-    problem = replace(problem, terms=tuple(Widened(term, 1.5) for term in problem.terms))
+    problem = observe(chosen, sure, Given(CALM, ballast_std=0.1, pitch_std=0.002, use_sensor=True))
+    problem = replace(problem, std_factors={term.name: 1.5 for term in problem.terms})
     x = np.random.default_rng(0).normal(size=len(problem.model.names)) * np.diag(stated(problem).root)
     _left, slope = problem.evaluate(x)
     for column, name in enumerate(problem.model.names):
@@ -250,7 +251,7 @@ def test_slopes_of_all_that_is_observed_agree_with_finite_differences(sure):
 
 def test_battery_positions_of_theory_leave_nothing(sure):
     chosen, _reason = select(with_battery(telling(), sure, 0.0), sure)
-    problem = observe(chosen, sure, settings=CALM, ballast_std=0.1, pitch_std=0.002)
+    problem = observe(chosen, sure, Given(CALM, ballast_std=0.1, pitch_std=0.002))
     battery = next(term for term in problem.terms if isinstance(term, BatteryPositions))
     flight = problem.model.fly(np.zeros(len(problem.model.names)))
     assert np.max(np.abs(battery.residual(flight))) * 0.0005 < 1e-8

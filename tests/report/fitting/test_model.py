@@ -7,10 +7,11 @@ import pytest
 from synthetic import SETTINGS, blocks, level_blocks
 
 from pipeline.model.steady import trim_at_pitch
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import CORRECTIONS
 from pipeline.report.fitting.points import Configuration, Points
-from pipeline.report.fitting.terms import Moments, measurements
+from pipeline.report.fitting.terms import Moments
 from pipeline.vehicle import load
 
 NAMES = (*CORRECTIONS, "parasite_drag@payload")
@@ -59,7 +60,7 @@ def test_corrections_of_coefficients_are_those_of_the_vehicle(petrel):
 def test_slopes_of_every_measurement_are_analytic_and_agree_with_finite_differences(petrel, name):
     here = points(petrel)
     model = Model(petrel, here, (name, "parasite_drag" if name != "parasite_drag" else "net_buoyancy"))
-    terms = (*measurements(here, SETTINGS, True, (0.62, 0.01)), Moments.made(model))
+    terms = (*Given(SETTINGS, use_sensor=True, gps=(0.62, 0.01)).terms(here), Moments.made(model))
     size = model.correction(name).size
     x = np.array([0.3 * size, 0.1])
     flight = model.fly(x)
@@ -89,7 +90,7 @@ def test_slopes_with_the_speed_exponent_of_seaglider_agree_with_finite_differenc
 def test_slope_of_the_gps_speed_agrees_with_finite_differences(petrel):
     here = Points.of(level_blocks(), petrel)
     model = Model(petrel, here, ("parasite_drag", "net_buoyancy"))
-    level = measurements(here, SETTINGS, False, (0.62, 0.01))[-1]
+    level = Given(SETTINGS, gps=(0.62, 0.01)).terms(here)[-1]
     exact = level.jacobian(model.fly(np.zeros(2)))
     assert exact.shape == (1, 2)
     for column, step in enumerate((1e-3, 1e-4)):

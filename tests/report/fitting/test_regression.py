@@ -11,14 +11,15 @@ from synthetic import SETTINGS, blocks
 
 from pipeline.report.fitting import selection
 from pipeline.report.fitting.fit import FREE, fit, solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.regression import Problem, outlying, robust, solve
 from pipeline.vehicle import Vehicle
 
 
 def problem(vehicle: Vehicle, table, free=FREE, **options) -> Problem:
-    made, reason = solvable(table, vehicle, **({"settings": SETTINGS} | options))
-    assert made is not None, reason
+    made, reason = solvable(table, vehicle, Given(**({"settings": SETTINGS} | options)))
+    assert not reason
     return made.freeing(free)
 
 
@@ -70,7 +71,7 @@ def test_one_wild_block_hardly_moves_the_fit_and_is_named(exact):
     table = blocks(dives=8, seed=6)
     wild = table.copy()
     wild.loc[17, "depth_rate"] += 0.4
-    clean, found = (fit(each, exact, settings=SETTINGS, pitch_std=0.0) for each in (table, wild))
+    clean, found = (fit(each, exact, Given(SETTINGS, pitch_std=0.0)) for each in (table, wild))
     assert clean["robust"]["loss"] == "none"
     assert found["robust"]["loss"] == "huber"
     assert 17 in found["robust"]["blocks"]
@@ -81,7 +82,7 @@ def test_one_wild_block_hardly_moves_the_fit_and_is_named(exact):
 
 def test_a_search_without_an_end_is_said_not_to_converge(exact, monkeypatch):
     monkeypatch.setattr(selection, "solve", lambda *_args, **_options: None)
-    result = fit(blocks(dives=2), exact, settings=SETTINGS)
+    result = fit(blocks(dives=2), exact, Given(SETTINGS))
     assert result["reason"] == "the fit does not converge: look at pitch and buoyancy of the blocks"
     assert all(math.isnan(item["value"]) for item in result["parameters"])
 

@@ -9,13 +9,14 @@ from synthetic import SETTINGS, blocks, level_blocks, steady
 
 from pipeline.records import BLOCKS, conform
 from pipeline.report.fitting.fit import FREE, fit
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.points import Configuration
 
 HOUR = pd.Timedelta(hours=1)
 
 
-def solve(vehicle, table, **options):
-    return fit(table, vehicle, **({"settings": SETTINGS, "pitch_std": 0.0, "resamples": 10} | options))
+def solve(vehicle, table, free=None, **options):
+    return fit(table, vehicle, Given(**({"settings": SETTINGS, "pitch_std": 0.0} | options)), free=free, resamples=10)
 
 
 def found(result) -> dict[str, dict]:
@@ -113,7 +114,7 @@ def test_drag_that_grows_is_freed_as_a_drift(exact):
 
 def test_drag_of_sensors_carried_on_later_dives_is_told_from_that_of_the_bare_hull(exact):
     table = joined(blocks(dives=6, seed=11), blocks(dives=6, extra_drag=1.53, seed=12))
-    result = solve(exact, table, configurations=[Configuration("bare", 1, 6), Configuration("probe", 7, 12)])
+    result = solve(exact, table, configurations=(Configuration("bare", 1, 6), Configuration("probe", 7, 12)))
     probe = found(result)["parasite_drag@probe"]
     assert probe["symbol"] == "ΔK_D0(probe)"
     assert abs(probe["value"] - 1.53) < 3.0 * probe["std"]

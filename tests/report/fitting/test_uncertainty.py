@@ -8,6 +8,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from synthetic import SETTINGS, blocks
 
 from pipeline.report.fitting.fit import FREE, fit, solvable
+from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.regression import solve
 from pipeline.report.fitting.uncertainty import HALF_WIDTH, bootstrap, colour, profile
 
@@ -21,7 +22,7 @@ def coloured(share: float, n: int = 400, seed: int = 3) -> np.ndarray:
 
 
 def solved(vehicle, **options):
-    made, _ = solvable(blocks(**options), vehicle, settings=SETTINGS, pitch_std=0.0)
+    made, _ = solvable(blocks(**options), vehicle, Given(SETTINGS, pitch_std=0.0))
     problem = made.freeing(FREE)
     return problem, solve(problem)
 
@@ -99,7 +100,7 @@ def test_scatter_that_widens_the_1_sigma_widens_the_profile(exact):
 
 
 def test_the_fit_carries_profiles_and_bootstrap_of_every_correction(exact):
-    result = fit(blocks(dives=6), exact, settings=SETTINGS)
+    result = fit(blocks(dives=6), exact, Given(SETTINGS))
     assert [item["name"] for item in result["profiles"]] == list(FREE)
     assert all(item["bootstrap_std"] > 0.0 for item in result["parameters"])
     assert result["bootstrap"]["resamples"] >= 200
