@@ -184,7 +184,7 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     summary, page, pictures = build(inputs)
     store.write_json(job.path("summary.json"), summary)
     store.write_text(job.path("report.html"), page)
-    files.write(job.path, pictures, mission.slug)
+    files.write(job.path, pictures, {"mission": mission.slug})
     vehicle = corrected.of_mission(inputs)
     store.write_text(job.path(corrected.FILE), corrected.text(vehicle, mission.slug))
     store.write_text(job.path(coefficients.FILE), coefficients.text(vehicle.vehicle, mission.slug))

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import provenance, store
+from pipeline.report.figures import files
 
-#: What is written of all missions together, the page first.
+#: What is written of all missions together, the page first; and the figures there are something to draw of.
 OUTPUTS = ("index.html", "index.json", "index.parquet", "index.tsv")
+FIGURES = files.CAMPAIGN_NAMES
 
 
 def write(processed: Path, reports: Path) -> Path:
@@ -38,6 +40,8 @@ def write(processed: Path, reports: Path) -> Path:
         store.write_json(numbers, made.content)
         store.write_table(table, *frame(made.content))
         store.write_text(text, tsv(made.content))
-        outputs = provenance.digests({name: reports / name for name in OUTPUTS})
+        files.write(reports.joinpath, made.pictures, {}, files.CAMPAIGN)
+        written = {name: reports / name for name in (*OUTPUTS, *FIGURES)}
+        outputs = provenance.digests({name: path for name, path in written.items() if path.is_file()})
         store.write_json(recorded, {"index": {**described, "outputs": outputs}})
     return reports / OUTPUTS[0]

@@ -349,7 +349,7 @@ class TestRealStages:
         expected |= {f"reports/{m}/{name}" for m in "ab" for name in set(REPORTED) - set(files.NAMES)}
         expected |= {f"processed/{m}/{name}" for m in "ab" for name in set(OUTPUTS["report"]) - set(REPORTED)}
         expected |= {f"processed/{place}provenance.json" for place in ("a/", "b/", "")}
-        expected |= {f"reports/{name}" for name in index.OUTPUTS}
+        expected |= {f"reports/{name}" for name in (*index.OUTPUTS, *index.FIGURES)}
         found = {name for name in contents(undisturbed) if "/figures/" not in name}
         assert found == {name for name in expected if not name.endswith("stored.parquet")}
 

@@ -94,10 +94,13 @@ class Index(NamedTuple):
         The content of index.json.
     page
         The text of index.html.
+    pictures
+        The figures by name, None where there is nothing to draw.
     """
 
     content: dict[str, Any]
     page: str
+    pictures: dict[str, Picture | None]
 
 
 def index(summaries: Sequence[Mapping[str, Any]]) -> Index:
@@ -113,4 +116,5 @@ def index(summaries: Sequence[Mapping[str, Any]]) -> Index:
     from pipeline.report.overview import overview
 
     content = overview(summaries)
-    return Index(content, frontpage.render(content, draw(content)))
+    pictures = draw(content)
+    return Index(content, frontpage.render(content, pictures), pictures)

@@ -190,19 +190,22 @@ def _coefficient(name: str, fitted: Sequence[Mapping[str, Any]]) -> dict[str, An
     """Return what the missions say together of one coefficient."""
     shared = common(fitted)
     shared.pop(name, None)
+    listed = [item for summary in fitted for item in summary["fit"]["parameters"] if item["name"] == name]
     found = [each for summary in fitted if (each := found_by(summary, name, shared)) is not None]
     size = correction(name.partition(AT)[0]).size
-    first = next(each for summary in fitted for each in summary["fit"]["parameters"] if each["name"] == name)
+    first = listed[0]
     bases, priors = {each.base for each in found}, {each.prior for each in found}
     one_file = len(bases) == 1 and len(priors) == 1
     base, prior_std = found[0].base if one_file else math.nan, found[0].prior if one_file else math.nan
     relative = base != 0.0 and first["name"] in COEFFICIENTS
+    whole = {item["vehicle_value"] for item in listed if _known(item["vehicle_value"])}
     out: dict[str, Any] = {
         "name": name,
         "symbol": first["symbol"].removeprefix("Δ") if relative else first["symbol"],
         "meaning": first["meaning"],
         "unit": first["unit"],
         "vehicle_value": base,
+        "relative_to": whole.pop() if len(whole) == 1 else math.nan,
         "prior_std": prior_std,
         "reason": "",
     }

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.figures import NO_CAMPAIGN_FIGURE
 from pipeline.report.figures.drawing import Picture
-from pipeline.report.figures.missions import NO_FIGURE
+from pipeline.report.figures.files import CAMPAIGN
 from pipeline.report.guide import guide
 from pipeline.report.overview import KEYS
 from pipeline.report.page import environment
@@ -27,6 +28,7 @@ def render(content: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -
         content=content,
         keys=KEYS,
         pictures=pictures,
-        no_figure=NO_FIGURE,
+        no_figure=NO_CAMPAIGN_FIGURE,
+        folder=CAMPAIGN,
         guide={"sections": words["campaign_sections"], "figures": words["campaign_figures"]},
     )  # fmt: skip

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 SIGNIFICANT, OBSERVABLE = 2.0, 50.0
 #: Corrections of the fit that the force estimate adjusts too, by its name for them.
 ADJUSTED = {"parasite_drag": "parasite_drag", "net_buoyancy": "net_buoyancy", "thrust_scale": "thrust"}
+#: Their symbols where the fit has not freed them.
+SYMBOLS = {"parasite_drag": "ΔK_D0", "net_buoyancy": "ΔG", "thrust_scale": "Δscale_T"}
 
 
 class Key(NamedTuple):
@@ -101,8 +103,8 @@ def _row(summary: Mapping[str, Any]) -> dict[str, Any]:
     parts = [part for part in summary["parts"] if math.isfinite(_number(part["measured_speed_m_s"]))]
     lead: Mapping[str, Any] = max(parts, key=lambda part: part["propeller_speed_rpm"], default={})
     coefficients = _coefficients(summary)
-    by_name: Mapping[str, Mapping[str, Any]] = {item["name"]: item for item in coefficients}
-    drag, ballast = by_name.get("parasite_drag", {}), by_name.get("net_buoyancy", {})
+    known: Mapping[tuple[str, str], Mapping[str, Any]] = {(item["name"], item["unit"]): item for item in coefficients}
+    drag, ballast = known.get(("parasite_drag", "%"), {}), known.get(("net_buoyancy", "N"), {})
     row = {
         "mission": summary["mission"],
         "vehicle": summary["vehicle"]["name"],
@@ -137,31 +139,38 @@ def _of(item: Mapping[str, Any], name: str, prefix: str) -> dict[str, float]:
 
 
 def _coefficients(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what blocks and force estimate say of each coefficient, as a percentage where there is one."""
+    """Return what blocks and force estimate say of each coefficient, one row a coefficient and unit."""
     adjusted = {item["name"]: item for item in summary["force"]["parameters"]}
     fitted = {item["name"]: item for item in summary["fit"]["parameters"]}
     out = []
     for name in dict.fromkeys([*fitted, *(ours for ours, theirs in ADJUSTED.items() if theirs in adjusted)]):
-        item, force = fitted.get(name, {}), adjusted.get(ADJUSTED.get(name, ""), {})
-        percent = math.isfinite(_number(item.get("percent")))
-        if percent or name in ("parasite_drag", "thrust_scale"):
-            value = item.get("percent") if percent else 100.0 * _number(item.get("value"))
-            std, unit = item.get("percent_std") if percent else 100.0 * _number(item.get("std")), "%"
-        else:
-            value, std, unit = item.get("value"), item.get("std"), item.get("unit", force.get("unit", ""))
-        out.append(
-            {
-                "name": name,
-                "symbol": item.get("symbol", {"parasite_drag": "ΔK_D0", "net_buoyancy": "ΔG"}.get(name, "Δscale_T")),
-                "unit": unit,
-                "value": _number(value),
-                "std": _number(std),
-                "force_value": _number(force.get("value")),
-                "force_std": _number(force.get("std")),
-                "verdict": item.get("verdict", ""),
-            }
-        )
+        item, force = fitted.get(name), adjusted.get(ADJUSTED.get(name, ""))
+        own = None if item is None else _in_unit(item)
+        symbol = SYMBOLS.get(name, "") if item is None else item["symbol"]
+        for unit in dict.fromkeys([*([own[2]] if own else []), *([force["unit"]] if force else [])]):
+            value, std = own[:2] if own and own[2] == unit else (math.nan, math.nan)
+            beside = force if force and force["unit"] == unit else {}
+            out.append(
+                {
+                    "name": name,
+                    "symbol": symbol,
+                    "unit": unit,
+                    "value": value,
+                    "std": std,
+                    "force_value": _number(beside.get("value")),
+                    "force_std": _number(beside.get("std")),
+                    "verdict": item["verdict"] if item and own and own[2] == unit else "",
+                }
+            )
     return out
+
+
+def _in_unit(item: Mapping[str, Any]) -> tuple[float, float, str]:
+    """Return a correction with its 1-sigma and unit, a percentage where there is something that it is a share of."""
+    if math.isfinite(_number(item["percent"])):
+        return _number(item["percent"]), _number(item["percent_std"]), "%"
+    factor, unit = (100.0, "%") if item["name"] == "thrust_scale" else (1.0, item["unit"])
+    return factor * _number(item["value"]), factor * _number(item["std"]), unit
 
 
 def _part(part: Mapping[str, Any]) -> dict[str, Any]:

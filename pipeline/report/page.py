@@ -13,6 +13,7 @@ from markupsafe import Markup
 from pipeline.report.adjustment import amount
 from pipeline.report.figures import NO_FIGURE
 from pipeline.report.figures.drawing import Picture, inline
+from pipeline.report.figures.files import FOLDER, KINDS
 from pipeline.report.figures.interactive import Interactive
 from pipeline.report.guide import guide
 
@@ -72,6 +73,7 @@ def report(
         pictures=pictures,
         interactive=interactive,
         no_figure=NO_FIGURE,
+        folder=FOLDER,
         sections=SECTIONS,
         guide=guide(),
         block_rows=_block_rows(summary["comparison"]["blocks"]),
@@ -87,6 +89,7 @@ def environment() -> Environment:
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
     environment.filters |= {"number": number, "spread": spread, "svg": svg, "amount": amounts}
+    environment.globals |= {"kinds": KINDS}
     return environment
 
 

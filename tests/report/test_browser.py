@@ -31,9 +31,11 @@ def pages(built: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = root / built.summary["mission"]
     folder.mkdir()
     (folder / "report.html").write_text(built.page, encoding="utf-8")
-    files.write(folder.joinpath, built.pictures, built.summary["mission"])
+    files.write(folder.joinpath, built.pictures, {"mission": built.summary["mission"]})
     summaries = [store.plain(built.summary), {"mission": "lost", "error": "records: no pressure"}]
-    (root / "index.html").write_text(index(summaries).page, encoding="utf-8")
+    campaign = index(summaries)
+    (root / "index.html").write_text(campaign.page, encoding="utf-8")
+    files.write(root.joinpath, campaign.pictures, {}, files.CAMPAIGN)
     return root
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from pipeline import store
-from pipeline.report import Report
+from pipeline.report import Report, index
 from pipeline.report.figures import files
 
 
 def test_every_figure_is_written_in_three_forms_with_the_unit_of_each_column(built: Report, tmp_path: Path) -> None:
-    files.write(tmp_path.joinpath, built.pictures, "synthetic")
+    files.write(tmp_path.joinpath, built.pictures, {"mission": "synthetic"})
     drawn = {name: picture for name, picture in built.pictures.items() if picture is not None}
     written = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert written == {f"figures/{name}.{kind}" for name in drawn for kind in files.KINDS}
@@ -29,7 +29,20 @@ def test_every_figure_is_written_in_three_forms_with_the_unit_of_each_column(bui
         assert len(store.read_table(path.with_suffix(".parquet"))) > 0
 
 
+def test_figures_of_the_index_are_written_beside_it(built: Report, tmp_path: Path) -> None:
+    files.write(tmp_path.joinpath, index([store.plain(built.summary)]).pictures, {}, files.CAMPAIGN)
+    written = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == set(files.CAMPAIGN_NAMES)
+    gaps = store.read_table(tmp_path / "index.figures/gaps.parquet")
+    parts = built.summary["parts"]
+    assert gaps["error_cm_s"].tolist() == [100.0 * part["error_m_s"] for part in parts]
+    table = store.read_table(tmp_path / "index.figures/coefficients.parquet")
+    fitted = {item["name"]: item for item in built.summary["fit"]["parameters"]}
+    drag = table[(table["coefficient"] == "parasite_drag") & (table["unit"] == "%")].iloc[0]
+    assert (drag["value"], drag["std"]) == tuple(fitted["parasite_drag"][name] for name in ("percent", "percent_std"))
+
+
 def test_a_figure_that_is_no_longer_drawn_is_removed(built: Report, tmp_path: Path) -> None:
-    files.write(tmp_path.joinpath, built.pictures, "synthetic")
-    files.write(tmp_path.joinpath, dict.fromkeys(built.pictures), "synthetic")
+    files.write(tmp_path.joinpath, built.pictures, {"mission": "synthetic"})
+    files.write(tmp_path.joinpath, dict.fromkeys(built.pictures), {"mission": "synthetic"})
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

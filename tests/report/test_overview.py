@@ -16,6 +16,7 @@ from synthetic import blocks, inputs
 from pipeline import store
 from pipeline.mission import Mission
 from pipeline.report import Index, Report, build, index
+from pipeline.report.figures import NO_CAMPAIGN_FIGURE, files
 from pipeline.report.figures import missions as figures
 from pipeline.report.guide import guide
 from pipeline.report.overview import KEYS, frame, tsv
@@ -54,6 +55,7 @@ def test_the_page_lists_missions_sortable_and_the_failed_with_their_line(made: I
     assert len(page.identifiers) == len(set(page.identifiers))
     assert [item for item in page.loads if not item.startswith(("data:", "#"))] == []
     assert len(page.figures) == 2
+    assert set(re.findall(r'href="(index\.figures/[^"]+)"', made.page)) == set(files.CAMPAIGN_NAMES)
     assert all(len(words) > 40 for words in page.figures)
     assert page.headings[0] == 1
     assert all(after - before <= 1 for before, after in zip(page.headings, page.headings[1:], strict=False))
@@ -95,6 +97,27 @@ def test_a_significant_gap_and_a_drag_against_the_vehicle_file_are_flagged(summa
     assert row["warnings"] == 2
 
 
+def test_a_coefficient_in_two_units_has_a_row_and_a_panel_each(summaries: list[dict[str, Any]]) -> None:
+    """The fit tells the drag that a vehicle file leaves unknown in kg/m, the force estimate as a share of it."""
+    unknown = as_read(summaries[0]) | {"mission": "unknown"}
+    item = next(item for item in unknown["fit"]["parameters"] if item["name"] == "parasite_drag")
+    item |= {"percent": None, "percent_std": None, "vehicle_value": None}
+    made = index([summaries[0], unknown])
+    known, rows = (
+        [one for one in row["coefficients"] if one["name"] == "parasite_drag"] for row in made.content["missions"]
+    )
+    assert [one["unit"] for one in known] == ["%"]
+    assert [one["unit"] for one in rows] == ["kg/m", "%"]
+    assert (rows[0]["value"], rows[0]["std"]) == (item["value"], item["std"])
+    assert math.isnan(rows[0]["force_value"])
+    assert math.isnan(rows[1]["value"])
+    assert rows[1]["force_value"] == known[0]["force_value"]
+    assert math.isnan(made.content["missions"][1]["drag_percent"])
+    drawn = made.pictures["coefficients"]
+    assert drawn is not None
+    assert {"ΔK_D0, %", "ΔK_D0, kg/m"} < set(drawn.alt.split(": ")[0].split("; "))
+
+
 def test_tables_hold_the_same_as_the_json(made: Index) -> None:
     table, columns = frame(made.content)
     assert table["mission"].tolist() == [row["mission"] for row in made.content["missions"]]
@@ -132,7 +155,7 @@ def test_one_mission_of_a_vehicle_says_nothing_of_the_vehicle(summaries: list[di
 
 
 def test_every_section_and_figure_of_the_index_is_explained() -> None:
-    assert set(guide()["campaign_figures"]) == set(figures.NO_FIGURE)
+    assert set(guide()["campaign_figures"]) == set(NO_CAMPAIGN_FIGURE)
     assert set(guide()["campaign_sections"]) == {"table", "vehicles"}
 
 
@@ -146,8 +169,14 @@ def test_names_are_spared_where_missions_are_many(made: Index) -> None:
 
 
 def test_the_vehicles_mean_is_drawn_in_the_units_of_its_missions() -> None:
-    item = {"name": "parasite_drag", "unit": "kg/m", "vehicle_value": 8.0, "value": 10.0, "std": 0.4}
-    assert figures.shown(item) == pytest.approx((25.0, 5.0))
-    assert figures.shown({**item, "name": "thrust_scale", "value": -0.2, "std": 0.1}) == pytest.approx((-20.0, 10.0))
-    assert figures.shown({**item, "vehicle_value": 0.0}) == (10.0, 0.4)
+    item = {"name": "parasite_drag", "unit": "kg/m", "vehicle_value": 8.0, "relative_to": 8.0, "value": 10.0,
+            "std": 0.4}  # fmt: skip
+    assert figures.shown(item) == (pytest.approx(25.0), pytest.approx(5.0), "%")
+    carried = {**item, "name": "parasite_drag@ctd", "vehicle_value": 0.0, "value": 2.0}  # a share of the bare hull's
+    assert figures.shown(carried) == (pytest.approx(25.0), pytest.approx(5.0), "%")
+    thrust = figures.shown(
+        {**item, "name": "thrust_scale", "unit": "1", "vehicle_value": 0.0, "value": -0.2, "std": 0.1}
+    )
+    assert thrust == (pytest.approx(-20.0), pytest.approx(10.0), "%")
+    assert figures.shown({**item, "vehicle_value": 0.0, "relative_to": math.nan}) == (10.0, 0.4, "kg/m")
     assert math.isnan(figures.shown({**item, "vehicle_value": math.nan})[0])

@@ -12,7 +12,7 @@ from synthetic import SETTINGS, blocks, inputs, level_blocks
 from pipeline import store
 from pipeline.mission import Mission, Nominal
 from pipeline.report import build, guide
-from pipeline.report.figures import NO_FIGURE
+from pipeline.report.figures import NO_FIGURE, files
 from pipeline.report.page import MOST_ROWS, TEMPLATES, number, spread
 
 
@@ -20,6 +20,7 @@ def test_page_parses_and_every_figure_has_an_alternative_text(built):
     page = Page(built[1])
     assert page.open == []
     assert len(page.figures) == len(NO_FIGURE)
+    assert set(re.findall(r'href="(figures/[^"]+)"', built[1])) == set(files.NAMES)
     assert all(len(words) > 40 for words in page.figures)
 
 

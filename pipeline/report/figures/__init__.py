@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pipeline.report import Inputs
     from pipeline.report.figures.drawing import Picture
 
-#: Why a figure is not there.
+#: Why a figure of a mission's page is not there, and one of the index.
 NO_FIGURE = {
     "answer": "no part of the mission has a known net buoyancy and pitch",
     "track": "fewer than two fixes were logged",
@@ -26,6 +26,10 @@ NO_FIGURE = {
     "parity": "no dive and its climb both have a comparison that is independent",
     "stability": "theory has no steady flight for any block",
     "closure": "no fixes before and after flight on a recorded heading",
+}
+NO_CAMPAIGN_FIGURE = {
+    "gaps": "no mission has both a measured and a predicted speed",
+    "coefficients": "no correction was fitted or adjusted in any mission",
 }
 
 
