@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from pages import complete
+from matplotlib.figure import Figure
+from pages import caught, complete
 
 from pipeline.mission import Mission
 from pipeline.report import Report, build
@@ -40,6 +41,13 @@ def mission() -> Mission:
 
 
 @pytest.fixture(scope="session")
-def built(petrel: Vehicle) -> Report:
+def looked_at(petrel: Vehicle) -> tuple[Report, dict[str, Figure]]:
+    """Summary and page of a mission that has everything, and its figures as they were drawn."""
+    with caught() as drawn:
+        return build(complete(petrel)), drawn
+
+
+@pytest.fixture(scope="session")
+def built(looked_at: tuple[Report, dict[str, Figure]]) -> Report:
     """Summary and page of a mission that has everything."""
-    return build(complete(petrel))
+    return looked_at[0]

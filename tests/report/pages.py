@@ -1,12 +1,17 @@
-"""Pages to look at: a parser of them, and the inputs of a mission that has everything."""
+"""Pages to look at: a parser of them, the inputs of a mission that has everything, and its figures as drawn."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
+import pytest
+from matplotlib.figure import Figure
 from synthetic import blocks, inputs, stored_model
 
 from pipeline.mission import Mission
+from pipeline.report.figures import drawing
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "image", "rect", "circle", "line"}
 
@@ -130,6 +135,22 @@ def adjusted(**changes):
                 "force_drift": 9e-6, "load": 0.115}  # fmt: skip
     return {"reason": "", "parameters": parameters, "converged": True, "observable_share": 0.9,
             "reasons": {"at the surface": 80, "stalled": 20}, "settings": settings}  # fmt: skip
+
+
+@contextmanager
+def caught() -> Iterator[dict[str, Figure]]:
+    """Keep every figure of a report or an index that is drawn, by its name."""
+    drawn: dict[str, Figure] = {}
+    render = drawing.render
+
+    def kept(figure: Figure, name: str) -> str:
+        assert name not in drawn, f"two figures are called {name}"
+        drawn[name] = figure
+        return render(figure, name)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(drawing, "render", kept)
+        yield drawn
 
 
 def complete(petrel):
