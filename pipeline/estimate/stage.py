@@ -158,7 +158,7 @@ def stream(
     bounds = cuts(source.read(columns=("phase", "block")))
     settled = {"latitude": latitude(source.read(columns=("latitude",)), mission)}  # for parts without fixes
     mission = mission.model_copy(update=settled)
-    body = hull(mission, vehicle, constants, source.read(columns=("density",)))
+    body = hull(mission, vehicle, constants, source.read(columns=("density", "absolute_salinity")))
     stretches = [source.read(first, last) for first, last in windows(source.rows)]
     prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods, threads=threads)
     stretches.clear()

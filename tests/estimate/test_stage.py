@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from dives import Flown
 
-from pipeline.estimate.stage import estimate
+from pipeline.estimate.stage import InMemory, estimate, stream
+from pipeline.mission import Water
+from pipeline.model.forces import GRAVITY
 from pipeline.records import ESTIMATES, of_method, seconds
 
 
@@ -23,6 +25,19 @@ def test_a_method_not_asked_for_is_left_out(flown: Flown) -> None:
     result = estimate(flown.records.iloc[:60], flown.vehicle, flown.mission, methods=("kinematic",))
     assert set(result.estimates["method"]) == {"kinematic"}
     assert result.report["force"] == {"reason": "not asked for"}
+
+
+def test_a_density_that_the_mission_lends_counts_where_none_was_measured(flown: Flown) -> None:
+    lent = flown.mission.model_copy(update={"water": Water(density=1025.0, std=0.5)})
+    unmeasured = flown.records.assign(absolute_salinity=np.nan)
+    measured, borrowed = (
+        stream(InMemory(table), flown.vehicle, lent, lambda _: None, constants={}, methods=("kinematic",)).blocks
+        for table in (flown.records, unmeasured)
+    )
+    displaced = GRAVITY * flown.vehicle["mass"] / 1025.0
+    extra = np.sqrt(borrowed["net_buoyancy_std"] ** 2 - measured["net_buoyancy_std"] ** 2)
+    np.testing.assert_allclose(extra, 0.5 * displaced, rtol=0.02)
+    assert borrowed["density_std"].min() >= 0.5 > measured["density_std"].max()
 
 
 def test_no_records_give_an_empty_table(flown: Flown) -> None:
