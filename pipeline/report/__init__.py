@@ -75,13 +75,14 @@ def build(inputs: Inputs) -> Report:
     The same inputs give the same bytes: nothing in them depends on when or where the report is made.
     """
     from pipeline.report import page
-    from pipeline.report.figures import draw
+    from pipeline.report.figures import NO_FIGURE, draw, words
     from pipeline.report.figures.interactive import interactive
     from pipeline.report.summary import summarise
 
     summary, comparison = summarise(inputs)
     pictures, live = draw(inputs, summary, comparison), interactive(inputs)
     summary["series"] = live.account if live is not None else None
+    summary["figures"] = words(pictures, NO_FIGURE)
     return Report(summary, page.report(summary, pictures, live), pictures)
 
 
@@ -112,9 +113,11 @@ def index(summaries: Sequence[Mapping[str, Any]]) -> Index:
         The content of each summary.json; of a mission that failed, ``{"mission": name, "error": line}``.
     """
     from pipeline.report import frontpage
+    from pipeline.report.figures import NO_CAMPAIGN_FIGURE, words
     from pipeline.report.figures.missions import draw
     from pipeline.report.overview import overview
 
     content = overview(summaries)
     pictures = draw(content)
+    content["figures"] = words(pictures, NO_CAMPAIGN_FIGURE)
     return Index(content, frontpage.render(content, pictures), pictures)

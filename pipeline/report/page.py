@@ -11,6 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from pipeline.report.adjustment import amount
+from pipeline.report.compare import DIRECTIONS
 from pipeline.report.figures import NO_FIGURE
 from pipeline.report.figures.drawing import Picture, inline
 from pipeline.report.figures.files import FOLDER, KINDS
@@ -77,7 +78,6 @@ def report(
         sections=SECTIONS,
         guide=guide(),
         block_rows=_block_rows(summary["comparison"]["blocks"]),
-        block_count=_block_count(summary["comparison"]["blocks"]),
         most_rows=MOST_ROWS,
     )  # fmt: skip
 
@@ -121,10 +121,6 @@ def svg(picture: Picture) -> Markup:
     return Markup(inline(picture.svg).replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
 
 
-def _block_count(columns: Mapping[str, Any]) -> int:
-    return len(_chosen(columns))
-
-
 def _chosen(columns: Mapping[str, Any]) -> list[int]:
     """Return the rows of comparisons with the pitch held, path angles left out."""
     return [
@@ -138,7 +134,8 @@ def _block_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the first comparisons, one row each, speeds in cm/s."""
     rows = []
     for i in sorted(_chosen(columns), key=lambda i: (columns["block"][i], columns["quantity"][i]))[:MOST_ROWS]:
-        row = {name: columns[name][i] for name in ("block", "dive", "direction", "quantity", "label")}
+        row = {name: columns[name][i] for name in ("block", "dive", "quantity", "label")}
+        row["flight"] = DIRECTIONS[columns["direction"][i]]
         scaled = {name: 100.0 * columns[name][i] for name in ("predicted", "measured", "error", "u_val")}
         rows.append(row | scaled)
     return rows

@@ -1,5 +1,7 @@
 """Pages to look at: a parser of them, the inputs of a mission that has everything, and its figures as drawn."""
 
+import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -7,10 +9,13 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from matplotlib.figure import Figure
 from synthetic import blocks, inputs, stored_model
 
+from pipeline import store
 from pipeline.mission import Mission
+from pipeline.report import frontpage, page
 from pipeline.report.figures import drawing
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "image", "rect", "circle", "line"}
@@ -61,6 +66,101 @@ class Page(HTMLParser):
     @property
     def words(self) -> str:
         return " ".join(" ".join(self.text).split())
+
+
+#: Stand around what a template takes from data, while it says so; all else is its own text.
+OPEN, SHUT = "\ue000", "\ue001"
+
+
+class Data(Page):
+    """Collects the text that comes from data: all but what templates say themselves, and the help beside figures."""
+
+    def __init__(self, text):
+        self.depth, self.help = 0, 0
+        super().__init__(text)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = [(key, re.sub(f"[{OPEN}{SHUT}]", "", value or "")) for key, value in attributes]
+        super().handle_starttag(tag, attributes)
+        if tag == "details" and dict(attributes).get("class") == "help":
+            self.help = len(self.open)
+
+    def handle_endtag(self, tag):
+        if len(self.open) == self.help:
+            self.help = 0
+        super().handle_endtag(tag)
+
+    def handle_data(self, data):
+        kept = []
+        for part in re.split(f"([{OPEN}{SHUT}])", data):
+            self.depth += (part == OPEN) - (part == SHUT)
+            kept.append(part if self.depth and not self.help and part not in (OPEN, SHUT) else " " * bool(part))
+        super().handle_data("".join(kept))
+
+
+def marked(value):
+    return value if isinstance(value, Markup) and OPEN in value else Markup("{}{}{}").format(OPEN, value, SHUT)
+
+
+def said(content):
+    """Return the numbers that a summary holds, lengths of its lists among them, and its texts."""
+    values, texts = [], []
+    if isinstance(content, dict):
+        parts = list(content.values())
+        texts += [str(key) for key in content]
+    else:
+        parts = content if isinstance(content, list) else []
+        values += [float(len(content))] if isinstance(content, list) else []
+    if isinstance(content, str):
+        texts.append(content)
+    elif isinstance(content, int | float) and not isinstance(content, bool):
+        values.append(float(content))
+    for part in parts:
+        more = said(part)
+        values += more[0]
+        texts += more[1]
+    return values, texts
+
+
+#: A number as it stands in a text, apart from names and versions.
+NUMBER = r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\w)"
+
+
+@contextmanager
+def marking() -> Iterator[None]:
+    """Mark in every page that is rendered what comes from data."""
+    environment = page.environment
+
+    def made():
+        found = environment()
+        found.finalize = marked
+        return found
+
+    with pytest.MonkeyPatch.context() as patched:
+        for module in (page, frontpage):
+            patched.setattr(module, "environment", made)
+        yield
+
+
+def numbers(text):
+    """Return the numbers that a marked page takes from data."""
+    return set(re.findall(NUMBER, Data(text).words))
+
+
+def unsaid(text, content):
+    """Return the numbers that a marked page takes from data and that are, as rounded there, not in `content`.
+
+    Scaled by 100, they may be: the page has cm/s and %.
+    """
+    values, texts = said(json.loads(json.dumps(store.plain(content))))
+    sizes = np.abs(values)
+
+    def near(token):
+        half = 0.5001 * 10.0 ** -len(token.partition(".")[2])
+        return any(np.any(np.abs(sizes * scale - float(token)) <= half) for scale in (1, 100))
+
+    written = set(re.findall(NUMBER, " ".join(texts)))
+    return sorted(token for token in numbers(text) - written if not near(token))
 
 
 def consistent(*, off=False):

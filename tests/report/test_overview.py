@@ -10,12 +10,12 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from pages import Page
+from pages import Page, marking, numbers, unsaid
 from synthetic import blocks, inputs
 
 from pipeline import store
 from pipeline.mission import Mission
-from pipeline.report import Index, Report, build, index
+from pipeline.report import Index, Report, build, frontpage, index
 from pipeline.report.figures import NO_CAMPAIGN_FIGURE, files
 from pipeline.report.figures import missions as figures
 from pipeline.report.guide import guide
@@ -71,6 +71,13 @@ def test_every_number_of_the_table_is_in_the_json(made: Index) -> None:
     drag = made.content["vehicles"][0]["coefficients"][0]
     assert drag["name"] == "parasite_drag"
     assert drag["verdict"] in made.page
+
+
+def test_every_number_on_the_page_is_in_index_json(made: Index) -> None:
+    with marking():
+        text = frontpage.render(made.content, made.pictures)
+    assert len(numbers(text)) > 60
+    assert unsaid(text, made.content) == []
 
 
 def test_a_mission_without_steady_flight_is_flagged_with_the_reason(made: Index) -> None:
@@ -137,7 +144,8 @@ def test_the_same_summaries_give_the_same_bytes(summaries: list[dict[str, Any]],
 def test_an_index_of_nothing_says_what_to_do() -> None:
     made = index([])
     assert "put a folder of logs with a mission.yaml into raw/" in Page(made.page).words
-    assert made.content == {"missions": [], "failed": [], "vehicles": []}
+    missing = {name: {"reason": reason} for name, reason in NO_CAMPAIGN_FIGURE.items()}
+    assert made.content == {"missions": [], "failed": [], "vehicles": [], "figures": missing}
     assert len(frame(made.content)[0]) == 0
     assert tsv(made.content).startswith("mission\tvehicle\tstart\tduration_h [h]\t")
 

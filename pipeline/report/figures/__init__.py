@@ -79,6 +79,22 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     }
 
 
+def words(pictures: Mapping[str, Picture | None], reasons: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return what each figure says in words, for scripts: ``alt`` and ``caption``, or the ``reason`` for its absence.
+
+    Parameters
+    ----------
+    pictures
+        The figures by name.
+    reasons
+        Why one is not there, by name.
+    """
+    return {
+        name: {"reason": reasons[name]} if picture is None else {"alt": picture.alt, "caption": picture.caption}
+        for name, picture in pictures.items()
+    }
+
+
 def _gps(parts: list[Mapping[str, Any]]) -> tuple[float, float] | None:
     """Return the speed of level powered flight by GPS, m/s, as a part of the mission has it."""
     for part in parts:

@@ -95,12 +95,13 @@ def interactive(inputs: Inputs) -> Interactive | None:
     grid = gridplot(
         [[plot] for plot in plots.values()], sizing_mode="stretch_width", toolbar_location="right", merge_tools=True
     )
+    shown = {name: words for name, words in LAYERS.items() if name in layers}
     item = json.dumps(json_item(grid), separators=(",", ":"), ensure_ascii=False)
     return Interactive(
         _numbered(item).replace("</", "<\\/"),
         "\n".join(Resources(mode="inline", components=["bokeh"], log_level="error").js_raw),
-        {name: words for name, words in LAYERS.items() if name in layers},
-        series.account(thinned, turns),
+        shown,
+        {**series.account(thinned, turns), "layers": shown},
     )
 
 
