@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.rounding import amount
+
 #: Parameters of the force model in the order of the page: what each is, factor from the unit reported, unit shown.
 PARAMETERS: dict[str, tuple[str, float, str]] = {
     "parasite_drag": ("parasite drag", 100.0, "%"),
@@ -143,14 +145,3 @@ def _shown(row: Mapping[str, Any]) -> str:
 
 def _listed(words: list[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
-
-
-def decimals(std: float) -> int:
-    """Return how many decimals show two digits of a 1-sigma."""
-    return max(0, 1 - math.floor(math.log10(float(f"{std:.1e}")))) if std > 0 and math.isfinite(std) else 3
-
-
-def amount(value: float, std: float, *, sign: bool = True) -> str:
-    """Return value ± 1-sigma with two digits of the latter and a true minus; nothing has no sign."""
-    digits = decimals(std)
-    return f"{value:{'+' if sign and value else ''}.{digits}f} ± {std:.{digits}f}".replace("-", "−")

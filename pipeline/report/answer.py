@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.report.adjustment import amount
+from pipeline.report.rounding import amount
 
 #: |E|/u_val beyond which a difference is called significant.
 SIGNIFICANT = 2.0
@@ -52,15 +52,16 @@ def _compared(part: Mapping[str, Any]) -> str:
     share = 100.0 * abs(error) / part["measured_speed_m_s"]
     way = "fast" if error > 0 else "slow"
     if abs(error) > SIGNIFICANT * u:
-        verdict = f"{100 * abs(error):.1f} ± {100 * u:.1f} cm/s ({share:.0f} %) too {way}"
+        verdict = f"{amount(100 * abs(error), 100 * u, sign=False)} cm/s ({share:.0f} %) too {way}"
     else:
-        verdict = f"in agreement (E = {100 * error:+.1f} ± {100 * u:.1f} cm/s)"
+        verdict = f"in agreement (E = {amount(100 * error, 100 * u)} cm/s)"
     predicts = f"predicts {flown:.3f} m/s"
     if part["as_set"] and abs(held - flown) > 5e-4:
         predicts = f"predicts {held:.3f} m/s, as flown {flown:.3f}"
+    measured = amount(part["measured_speed_m_s"], part["measured_speed_std_m_s"], sign=False)
     words = (
-        f"{part['name'].capitalize()}: measured {part['measured_speed_m_s']:.3f} ± {part['measured_speed_std_m_s']:.3f}"
-        f" m/s; theory with the measured pitch held {predicts}, {verdict}"
+        f"{part['name'].capitalize()}: measured {measured} m/s; theory with the measured pitch held {predicts}, "
+        f"{verdict}"
     )
     if math.isfinite(part["free_speed_m_s"]):
         pitch = part["free_pitch_deg"]
@@ -79,7 +80,7 @@ def _even_words(rows: list[dict[str, Any]]) -> list[str]:
         verdict = "significant" if abs(row["even"]) > SIGNIFICANT * row["even_u"] else "not significant"
         out.append(
             f"Averaged over dive and climb, where ballast and moving water cancel, theory with the measured pitch held "
-            f"is {abs(row['even']):.1f} ± {row['even_u']:.1f} cm/s too {way}: {verdict}."
+            f"is {amount(abs(row['even']), row['even_u'], sign=False)} cm/s too {way}: {verdict}."
         )
     return out
 
@@ -102,7 +103,7 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
         return f"No correction is fitted: {fitted['reason']}."
     words = []
     for item in fitted["parameters"]:
-        share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
+        share = f" ({amount(item['percent'], item['percent_std'])} %)" if math.isfinite(item["percent"]) else ""
         value = f"{item['symbol']} = {amount(item['value'], item['std'])} {item['unit']}{share}"
         words.append(f"{value.replace('-', '−')}, {item['verdict']}")
     sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."

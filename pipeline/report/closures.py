@@ -13,6 +13,7 @@ from pipeline.records import seconds, timestamps
 from pipeline.report.compare import floats
 from pipeline.report.fitting.closure import Closure, close
 from pipeline.report.fitting.passages import NEEDED, Passages, ThroughWater, by_blocks, find, mean_of, through_water
+from pipeline.report.rounding import amount
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
@@ -138,10 +139,10 @@ def _verdict(row: Mapping[str, Any]) -> str:
     """Return in words what β says of a model's speed."""
     if row["reason"]:
         return f"not determined: {row['reason']}"
-    amount = f"{abs(100.0 * row['beta']):.0f} ± {100.0 * row['beta_std']:.0f} %"
+    size = f"{amount(abs(100.0 * row['beta']), 100.0 * row['beta_std'], sign=False)} %"
     if abs(row["beta"]) <= SIGNIFICANT * row["beta_std"]:
         return f"right within {SIGNIFICANT * 100.0 * row['beta_std']:.0f} %"
-    return f"too slow: must rise by {amount}" if row["beta"] > 0.0 else f"too fast: must fall by {amount}"
+    return f"too slow: must rise by {size}" if row["beta"] > 0.0 else f"too fast: must fall by {size}"
 
 
 def _sentence(row: Mapping[str, Any]) -> str:
@@ -162,7 +163,7 @@ def _compass(rows: list[dict[str, Any]]) -> list[str]:
         return []
     side = "clockwise" if turn > 0.0 else "anticlockwise"
     return [
-        f"By the fixes, true headings are {abs(turn):.0f} ± {std:.0f} degrees {side} of those logged: "
+        f"By the fixes, true headings are {amount(abs(turn), std, sign=False)} degrees {side} of those logged: "
         "look at the declination and the compass."
     ]
 

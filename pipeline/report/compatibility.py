@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.rounding import amount
+
 #: Quantities in the order of the page: what each is, factor from the unit reported, unit shown, digits.
 QUANTITIES: dict[str, tuple[str, float, str, int]] = {
     "clock_offset": ("offset between the clocks of pressure and pitch", 1.0, "s", 1),
@@ -112,8 +114,8 @@ def _sentence(found: Mapping[str, Any]) -> str:
 
 def _words(row: Mapping[str, Any]) -> str:
     """Return one significant quantity in words."""
-    value, std = (f"{row[key]:.{row['digits']}f}" for key in ("value", "std"))
-    size = f"{value.lstrip('-')} ± {std}{row['unit'] if row['unit'] == '°' else ' ' + row['unit']}".rstrip()
+    size = amount(abs(row["value"]), row["std"], sign=False)
+    size = f"{size}{row['unit'] if row['unit'] == '°' else ' ' + row['unit']}".rstrip()
     if row["name"] == "clock_offset":
         return f"depth bends {size} {'before' if row['value'] > 0.0 else 'after'} the pitch does"
     if row["name"] == "pressure_offset":

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.findings import InputError
-from pipeline.report.adjustment import CONSIDERED, CONTRADICTED, amount
+from pipeline.report.adjustment import CONSIDERED, CONTRADICTED
 from pipeline.report.adjustment import DETERMINED as DETERMINED_WORD
+from pipeline.report.rounding import amount
 from pipeline.vehicle import KNOWN, Coefficient, Vehicle, check_value
 
 if TYPE_CHECKING:

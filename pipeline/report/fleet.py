@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.report.adjustment import amount
 from pipeline.report.fitting.hierarchy import (
     EVIDENCE,
     LEAST_DRIFT,
@@ -27,6 +26,7 @@ from pipeline.report.fitting.hierarchy import (
     pool,
 )
 from pipeline.report.fitting.parameters import AT, COEFFICIENTS, correction
+from pipeline.report.rounding import amount
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ from pipeline.report.figures.files import CAMPAIGN
 from pipeline.report.guide import guide
 from pipeline.report.overview import KEYS
 from pipeline.report.page import environment
+from pipeline.report.rounding import aligned
 
 
 def render(content: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -> str:
@@ -24,11 +25,11 @@ def render(content: Mapping[str, Any], pictures: Mapping[str, Picture | None]) -
         Figures by name; None where there is nothing to draw.
     """
     words = guide()
-    return environment().get_template("index.html").render(
+    return aligned(environment().get_template("index.html").render(
         content=content,
         keys=KEYS,
         pictures=pictures,
         no_figure=NO_CAMPAIGN_FIGURE,
         folder=CAMPAIGN,
         guide={"sections": words["campaign_sections"], "figures": words["campaign_figures"]},
-    )  # fmt: skip
+    ))  # fmt: skip

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from pipeline.report.adjustment import amount
 from pipeline.report.compare import DIRECTIONS
 from pipeline.report.figures import NO_FIGURE
 from pipeline.report.figures.drawing import Picture, inline
 from pipeline.report.figures.files import FOLDER, KINDS
 from pipeline.report.figures.interactive import Interactive
 from pipeline.report.guide import guide
+from pipeline.report.rounding import aligned, amount, uncertainty
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Rows of a table of blocks on the page; all of them are in summary.json.
@@ -69,7 +69,7 @@ def report(
     interactive
         Flight against time to zoom into, where there is any.
     """
-    return environment().get_template("report.html").render(
+    return aligned(environment().get_template("report.html").render(
         summary=summary,
         pictures=pictures,
         interactive=interactive,
@@ -79,7 +79,7 @@ def report(
         guide=guide(),
         block_rows=_block_rows(summary["comparison"]["blocks"]),
         most_rows=MOST_ROWS,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def environment() -> Environment:
@@ -88,7 +88,7 @@ def environment() -> Environment:
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    environment.filters |= {"number": number, "spread": spread, "svg": svg, "amount": amounts}
+    environment.filters |= {"number": number, "spread": spread, "svg": svg, "amount": amounts, "sigma": sigma}
     environment.globals |= {"kinds": KINDS}
     return environment
 
@@ -104,15 +104,18 @@ def number(value: Any, digits: int = 3, *, sign: bool = False) -> str:
 
 
 def spread(value: Any, std: Any, digits: int = 3, *, sign: bool = False) -> str:
-    """Return value ± 1-sigma with so many decimals."""
-    text = number(value, digits, sign=sign)
-    deviation = number(std, digits)
-    return text if MISSING in (text, deviation) else f"{text} ± {deviation}"
+    """Return value ± 1-sigma with two digits of the latter; with so many decimals where it is not known."""
+    return amount(value, std, sign=sign) if _known(value) and _known(std) else number(value, digits, sign=sign)
 
 
 def amounts(value: Any, std: Any, *, sign: bool = False) -> str:
     """Return value ± 1-sigma with two digits of the latter, a dash where there is none."""
     return amount(value, std, sign=sign) if _known(value) and _known(std) else MISSING
+
+
+def sigma(std: Any) -> str:
+    """Return a 1-sigma with two digits, a dash where there is none."""
+    return uncertainty(std) if _known(std) else MISSING
 
 
 def svg(picture: Picture) -> Markup:

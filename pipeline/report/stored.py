@@ -14,6 +14,7 @@ from pipeline.records import seconds, usable
 from pipeline.report.compare import DIRECTIONS, floats
 from pipeline.report.covariance import Noise, water, water_of, with_measurement
 from pipeline.report.fitting.terms import FLOOR
+from pipeline.report.rounding import amount
 
 if TYPE_CHECKING:
     from pipeline.table import Columns
@@ -241,5 +242,6 @@ def _rate_words(row: Mapping[str, Any]) -> str:
 def _amount(row: Mapping[str, Any]) -> str:
     size, way = abs(row["difference_m_s"]), "slow" if row["difference_m_s"] < 0 else "fast"
     share = f" ({100 * size / abs(row['measured_m_s']):.0f} %)" if row["measured_m_s"] else ""
-    spread = f" ± {100 * row['difference_std_m_s']:.1f}" if "difference_std_m_s" in row else ""
-    return f"{100 * size:.1f}{spread} cm/s too {way}{share}"
+    std = row.get("difference_std_m_s")
+    shown = f"{100 * size:.1f}" if std is None else amount(100 * size, 100 * std, sign=False)
+    return f"{shown} cm/s too {way}{share}"

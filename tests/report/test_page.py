@@ -222,7 +222,8 @@ def test_numbers_have_a_true_minus_and_a_dash_where_there_is_none(value, digits,
 
 def test_spread_leaves_out_an_unknown_deviation():
     assert spread(1.0, math.nan, 1) == "1.0"
-    assert spread(1.0, 0.25, 2) == "1.00 ± 0.25"
+    assert spread(1.0, 0.25, 1) == "1.00 ± 0.25"
+    assert spread(-1.0, 0.0953, 1) == "−1.000 ± 0.095"
 
 
 def test_settings_of_the_estimator_are_in_the_methods(built):

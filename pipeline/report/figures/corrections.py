@@ -26,6 +26,7 @@ from pipeline.report.figures.drawing import (
     since,
     style,
 )
+from pipeline.report.rounding import amount
 
 COLUMNS = (
     Column("time", "", "middle of the block, UTC", "datetime64[ns, UTC]"),
@@ -81,8 +82,8 @@ def corrections(fit: Mapping[str, Any]) -> Picture | None:
         return picture(
             figure,
             "corrections",
-            f"Confidence ellipse of {first['symbol']} = {first['value']:+.3f} ± {first['std']:.3f} {first['unit']} and "
-            f"{second['symbol']} = {second['value']:+.3f} ± {second['std']:.3f} {second['unit']}; residuals of "
+            f"Confidence ellipse of {first['symbol']} = {amount(first['value'], first['std'])} {first['unit']} and "
+            f"{second['symbol']} = {amount(second['value'], second['std'])} {second['unit']}; residuals of "
             "the depth rate before and after the corrections.",
             "Left: what the data alone say of the two corrections (ellipses), the vehicle file's prior (dashed) and "
             "both together (orange cross). Right: depth rate of each block, measured less predicted, before and after "

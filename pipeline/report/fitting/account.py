@@ -16,6 +16,7 @@ from pipeline.report.fitting.regression import Problem, Solution
 from pipeline.report.fitting.selection import CONDITION_DOUBTED, CORRELATION, condition_index, correlation, experiment
 from pipeline.report.fitting.terms import DepthRates
 from pipeline.report.fitting.text import text
+from pipeline.report.rounding import amount
 
 #: Beyond this many 1-sigma a value contradicts its prior.
 CONTRADICTION = 3.0
@@ -77,7 +78,7 @@ def account(problem: Problem, alone: Solution, both: Solution, inflation: float)
             if i >= count
         ],
         "contradictions": [
-            f"{item['symbol']} is {item['value']:+.3g} ± {item['std']:.2g} {item['unit']} by the data and "
+            f"{item['symbol']} is {amount(item['value'], item['std'])} {item['unit']} by the data and "
             f"0 ± {item['prior_std']:.2g} by the vehicle file: both cannot be right"
             for item in parameters
             if item["verdict"].endswith("against the prior")

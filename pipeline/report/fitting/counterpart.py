@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.report.adjustment import amount
 from pipeline.report.fitting.parameters import LIFT
 from pipeline.report.fitting.regression import Problem, Solution, solve
+from pipeline.report.rounding import amount
 
 #: What the force estimate takes from the vehicle file as it is, and this fit borrows with its 1-sigma.
 KEPT = (*LIFT, "pitch")

@@ -10,6 +10,7 @@ from typing import Any
 from pipeline.report.fitting.causes import Cause
 from pipeline.report.fitting.evidence import Posterior, Prior
 from pipeline.report.fitting.experiment import Pair
+from pipeline.report.rounding import amount
 
 NOTHING = "nothing"
 #: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
@@ -88,9 +89,8 @@ def _nothing(judged: Judged, what: str) -> str:
 
 
 def _amount(item: Mapping[str, Any]) -> str:
-    share = f" ({item['percent']:+.0f} ± {item['percent_std']:.0f} %)" if math.isfinite(item["percent"]) else ""
-    value = f"{item['symbol']} = {item['value']:+.3g} ± {item['std']:.2g} {item['unit']}"
-    return f"{value}{share}".replace("-", "−")
+    share = f" ({amount(item['percent'], item['percent_std'])} %)" if math.isfinite(item["percent"]) else ""
+    return f"{item['symbol']} = {amount(item['value'], item['std'])} {item['unit']}{share}"
 
 
 def _lower(words: str) -> str:
