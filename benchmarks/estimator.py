@@ -100,7 +100,7 @@ def glide_of(settings: Mission, records: pd.DataFrame) -> Glide:
     """Return a mission as both models take it, linearised along the kinematic estimate."""
     craft = vehicle.load(settings.vehicle, settings.folder)
     series = reconcile(records, from_records(records), craft, settings).series
-    at, _ = iterate(series, craft.polar, Settings(), first_guess(series, craft.polar), DEPTH_ALONE, smoother.solve, 4)
+    at = iterate(series, craft.polar, Settings(), first_guess(series, craft.polar), DEPTH_ALONE, smoother.solve, 4)
     body, _ = hull(settings, craft, {}, records)
     if body is None:
         raise ValueError("no mass")

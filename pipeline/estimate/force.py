@@ -23,7 +23,7 @@ from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_rate, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.trajectory import Flight, Solve
+from pipeline.estimate.trajectory import Flight, Solve, still
 from pipeline.model.forces import disk_thrust, thrust
 from pipeline.vehicle import Disk, Polar, Propeller
 
@@ -398,9 +398,8 @@ def solve(
 
     for _ in range(ITERATIONS):
         new = smoothed(series, mean_at(settings, at), at, scaled=scaled)
-        change = float(np.max(np.abs(new.speed - at.speed)))
-        at = new
-        if change < 1e-5:
+        before, at = at.speed, new
+        if still(series, at.speed, before):
             break
     problem, alphas = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=adjusted.columns)
     solution = solver(problem)

@@ -14,6 +14,8 @@ from pipeline.estimate.problem import Problem
 
 #: What an operation may lose of a variance to rounding is added to it, so that covariances stay positive.
 ROUNDING = 4.0 * 2.0**-52
+#: What `run` need not fill, of two and of three dimensions.
+FLAT, DEEP = np.empty((0, 0)), np.empty((0, 0, 0))
 
 # In the kernels `size` and `links` are as long as there are states and coupled rows. As tuples they tell the compiler
 # both numbers, and it unrolls; as arrays they make one code for every size, slower and compiled once. Work arrays are
@@ -142,17 +144,17 @@ def run(
     size: Extent,
     links: Extent,
     problem: Problem,
-    keep: bool,
     means: np.ndarray,
     covariances: np.ndarray,
     gains: np.ndarray,
     innovations: np.ndarray,
     variances: np.ndarray,
 ) -> float:
-    """Run the filter and return the log-likelihood; store filtered moments and innovations if `keep`."""
+    """Run the filter and return the log-likelihood; what has rows is filled: moments, gains in turn, innovations."""
     n = len(size)
     m, p = problem.observed.shape
     c = problem.observed_by.shape[1]
+    moments, gained, told, turn = len(covariances) > 0, len(gains) > 0, len(innovations) > 0, 0
     x, innovation, moved = np.zeros((n, 1 + c)), np.empty(1 + c), np.empty(len(links))
     x[:, 0] = problem.mean_0
     room = np.zeros((4, n, n))
@@ -174,16 +176,18 @@ def run(
                 if not 1e-100 < product < 1e100:
                     logarithms += math.log(product)
                     product = 1.0
-                if keep:
-                    variances[k, j] = total
+                if gained:
                     for i in range(n):
-                        gains[k, j, i] = gain[i]
+                        gains[turn, i] = gain[i]
+                    turn += 1
+                if told:
+                    variances[k, j] = total
                     for q in range(1 + c):
                         innovations[k, j, q] = innovation[q]
-            elif keep:
+            elif told:
                 innovations[k, j, 0] = np.nan
                 variances[k, j] = np.nan
-        if keep:
+        if moments:
             for i in range(n):
                 for q in range(1 + c):
                     means[k, i, q] = x[i, q]
@@ -243,18 +247,9 @@ def sizes(problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def innovations(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Return the filter's innovations with their changes, shape (m, p, 1 + c), and variances (m, p); NaN = none."""
-    (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
+    (m, p), c = problem.observed.shape, problem.observed_by.shape[1]
     found, variances = np.full((m, p, 1 + c), np.nan), np.empty((m, p))
-    run(
-        *sizes(problem),
-        problem,
-        True,
-        np.empty((m, n, 1 + c)),
-        np.empty((m, n, n)),
-        np.empty((m, p, n)),
-        found,
-        variances,
-    )
+    run(*sizes(problem), problem, DEEP, DEEP, FLAT, found, variances)
     return found, variances
 
 
@@ -290,6 +285,5 @@ def predictions(
 
 def log_likelihood(problem: Problem) -> float:
     """Return the log-likelihood of the measurements of `problem`, by the filter alone."""
-    three = np.empty((0, 0, 0))
-    value: float = run(*sizes(problem), problem, False, three, three, three, three, np.empty((0, 0)))
+    value: float = run(*sizes(problem), problem, DEEP, DEEP, FLAT, DEEP, FLAT)
     return value

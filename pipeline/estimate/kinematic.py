@@ -35,6 +35,8 @@ from pipeline.vehicle import Polar, Vehicle
 GATE = 6.0
 #: A coefficient moved down by its 1-sigma keeps at least this share of its value.
 LEAST = 0.2
+#: The trajectory is solved for at most so many times; before noise is searched along it, so many.
+ITERATIONS, ROUGH = 9, 2
 #: What the estimate borrows, besides the pitch as logged; each is moved by its 1-sigma.
 BORROWED = ("pitch", "lift_slope", "parasite_drag", "induced_drag", "lift_at_zero")
 #: What is found in the mission and not exactly known either.
@@ -89,7 +91,7 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
     settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
     if any(math.isnan(value) for value in vehicle.polar):
         return Model(vehicle.polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
-    at, _ = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, 2)
+    at = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, ROUGH)
     noise = likeliest(series, vehicle.polar, settings, at, sources.speed)
     return Model(vehicle.polar, *_considered(vehicle, mission), noise, sources, solve)
 
@@ -97,16 +99,19 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
 def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
     polar, settings, sources = model.polar, model.noise.settings, model.sources
-    at, problem = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, 4)
-    outlying = _outlying(series, settings, model.solve(problem))
-    series = replace(
-        series,
-        depth=np.where(outlying[0], np.nan, series.depth),
-        pitch=np.where(outlying[1], np.nan, series.pitch),
-    )
-    at, _ = iterate(series, polar, settings, at, sources, model.solve, 5)
+    at = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, ITERATIONS)
     problem = linearise(series, polar, settings, at, sources, model.considered)
     solution = model.solve(problem)
+    outlying = _outlying(series, settings, solution)
+    if outlying.any():
+        series = replace(
+            series,
+            depth=np.where(outlying[0], np.nan, series.depth),
+            pitch=np.where(outlying[1], np.nan, series.pitch),
+        )
+        at = iterate(series, polar, settings, at, sources, model.solve, ITERATIONS)
+        problem = linearise(series, polar, settings, at, sources, model.considered)
+        solution = model.solve(problem)
     steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
     known = told(problem, steady) if sources.speed else nothing(len(model.names))
     unknown = left_open(

@@ -32,6 +32,9 @@ from pipeline.vehicle import Polar
 
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
 SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
+#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s), a tenth of the least 1-sigma
+#: that V has. Each step is some five times smaller than the one before, and the last solution is one step more.
+STILL = 1e-3
 
 
 class Solve(Protocol):
@@ -75,24 +78,28 @@ def iterate(
     sources: Sources,
     solve: Solve,
     times: int,
-) -> tuple[Trajectory, Problem]:
-    """Return the trajectory, linearised along and solved for until it stands still, and the last problem solved."""
+) -> Trajectory:
+    """Return the trajectory, linearised along and solved for until it stands still, at most so many times."""
     for _ in range(times):
-        problem = linearise(series, polar, settings, at, sources)
-        mean = solve(problem, whole=False).mean[:, :, 0]
+        mean = solve(linearise(series, polar, settings, at, sources), whole=False).mean[:, :, 0]
         speed = mean[:, SPEED]
         if sources.fixes:
             speed = np.where(series.cruising, mean[:, CRUISE], speed)
         speed = np.clip(speed, SLOWEST, FASTEST)
-        change = float(np.max(np.abs(speed - at.speed)))
+        stands = still(series, speed, at.speed)
         pitch, slip = np.clip(mean[:, PITCH], -STEEPEST, STEEPEST), np.clip(mean[:, SLIP], -SLIPPED, SLIPPED)
         scale = 0.0
         if sources.speed and settings.speed_scale > 0.0:
             scale = around(scale_of(mean[:, -1], at.speed, at.scale), np.isfinite(series.speed))
         at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0), scale)
-        if change < 1e-7:
+        if stands:
             break
-    return at, problem
+    return at
+
+
+def still(series: Series, speed: np.ndarray, before: np.ndarray) -> bool:
+    """Return whether V, m/s, shape (m,), is where it was `before`; afloat it means nothing."""
+    return bool(np.all((np.abs(speed - before) <= STILL) | series.afloat))
 
 
 def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:

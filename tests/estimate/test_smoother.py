@@ -104,14 +104,16 @@ def test_covariances_stay_positive_across_a_huge_gap_and_are_those_of_the_sum_of
     assert np.all(np.linalg.eigvalsh(ours.covariance) > 0.0)
     before = slice(0, 31)
     np.testing.assert_allclose(ours.covariance[before], theirs.covariance[before], rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(ours.mean[before], theirs.mean[before], rtol=1e-6, atol=1e-6)
+    for found in (ours, smoother.solve(case, whole=False)):
+        np.testing.assert_allclose(found.mean[before], theirs.mean[before], rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_without_covariances_the_means_are_the_same(seed: int) -> None:
+    """They are computed in another way, so not to the last digit."""
     case = problem(seed, m=50, considered=2)
     whole, means = smoother.solve(case), smoother.solve(case, whole=False)
-    np.testing.assert_array_equal(means.mean, whole.mean)
+    np.testing.assert_allclose(means.mean, whole.mean, rtol=1e-9, atol=1e-11)
     np.testing.assert_array_equal(means.innovation, whole.innovation)
     assert means.log_likelihood == whole.log_likelihood
     assert means.covariance.shape == reference.solve(case, whole=False).covariance.shape == (0, 5, 5)
