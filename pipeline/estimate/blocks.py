@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import gsw
@@ -24,10 +25,13 @@ SHARE = 0.5
 SENSOR_FLOOR = 0.005
 
 _STATES = ("speed", "angle_of_attack", "path_angle")
-#: Columns that block means are made of.
-_ESTIMATED = ["observable", "reason", "pitch", *_STATES, *(f"{name}_std" for name in _STATES)]
-_JUDGED = ("pitch", "roll", "heading", "pressure", "speed_through_water")
-_READ = ["time", "dive", "depth", "density", "temperature", "battery_position", *_JUDGED, *(f"{x}_qc" for x in _JUDGED)]
+#: Columns that block means are made of: of the estimates, of the records, and of the records where they are usable.
+_ESTIMATED = ("observable", "pitch", *_STATES, *(f"{name}_std" for name in _STATES))
+_READ = ("depth", "density", "temperature", "pressure", "battery_position")
+_JUDGED = ("pitch", "roll", "heading", "speed_through_water")
+
+#: Values in a block by name, shape (k,) each.
+_Values = Mapping[str, np.ndarray]
 
 NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
 
@@ -48,30 +52,33 @@ def means(
     """
     driven = powered(records)
     time = seconds(records["time"])
-    number = records["block"].to_numpy()
+    number, place = records["block"].to_numpy(), np.arange(len(records))
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
     gravity = float(gsw.grav(latitude(records, mission), 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
     lag = _lag(time, records["temperature"].to_numpy())
     rows: list[dict[str, Any]] = []
     lent = borrowed_std(mission, records)
-    records, estimates = records[_READ], estimates[_ESTIMATED]
+    estimated = {name: estimates[name].to_numpy() for name in _ESTIMATED}
+    read = {name: records[name].to_numpy() for name in _READ}
+    read |= {name: np.where(usable(records, name), records[name].to_numpy(), np.nan) for name in _JUDGED}
+    read["depth_measured"] = np.where(usable(records, "pressure"), read["depth"], np.nan)
     for block, first, count in zip(*np.unique(number, return_index=True, return_counts=True), strict=True):
         if block < 0:
             continue
         inside: Any = slice(first, first + count)
         if (number[inside] != block).any():
             inside = np.flatnonzero(number == block)
-        part = records.iloc[inside]
+        part, flown = ({name: value[inside] for name, value in table.items()} for table in (read, estimated))
         row: dict[str, Any] = {
             "block": block,
-            "start": part["time"].iloc[0],
-            "end": part["time"].iloc[-1],
-            "dive": int(part["dive"].iloc[0]),
+            "start": records["time"].iloc[first],
+            "end": records["time"].iloc[place[inside][-1]],
+            "dive": int(records["dive"].iloc[first]),
             "powered": bool(driven[inside].mean() > 0.5),
         }
-        row |= _flight(estimates.iloc[inside])
-        row |= _pitch(part, estimates.iloc[inside], mission)
+        row |= _flight(flown, estimates["reason"].iloc[inside])
+        row |= _pitch(part, flown, mission)
         row |= _attitude(part)
         row |= _depth_rate(part, time[inside])
         row |= _water(part, lent)
@@ -84,39 +91,48 @@ def means(
     return conform(pd.DataFrame(rows), BLOCKS)
 
 
-def _flight(part: pd.DataFrame) -> dict[str, Any]:
+def _known(value: np.ndarray) -> np.ndarray:
+    return value[np.isfinite(value)]
+
+
+def _mean(value: np.ndarray) -> float:
+    """Return the mean of what is known, NaN if nothing is."""
+    known = _known(value)
+    return float(known.mean()) if known.size else math.nan
+
+
+def _flight(flown: _Values, reasons: pd.Series) -> dict[str, Any]:
     """Return means of the estimates; within a block their errors are one and the same, so the 1-sigma stays."""
-    seen = part["observable"].to_numpy(dtype=bool)
+    seen = flown["observable"].astype(bool)
     if seen.mean() < SHARE:
-        reasons = part.loc[~seen, "reason"]
-        return {"used": False, "reason": f"speed unobservable: {reasons.mode().iloc[0]}"}
+        return {"used": False, "reason": f"speed unobservable: {reasons[~seen].mode().iloc[0]}"}
     row: dict[str, Any] = {"used": True, "reason": ""}
     for name in _STATES:
-        row[name] = float(part[name].to_numpy()[seen].mean())
-        row[f"{name}_std"] = float(np.sqrt(np.mean(part[f"{name}_std"].to_numpy()[seen] ** 2)))
+        row[name] = float(flown[name][seen].mean())
+        row[f"{name}_std"] = float(np.sqrt(np.mean(flown[f"{name}_std"][seen] ** 2)))
     return row
 
 
-def _pitch(part: pd.DataFrame, estimates: pd.DataFrame, mission: Mission) -> dict[str, float]:
-    value = part["pitch"].to_numpy()[usable(part, "pitch")]
-    mean = float(value.mean()) if value.size else float(estimates["pitch"].mean())
+def _pitch(part: _Values, flown: _Values, mission: Mission) -> dict[str, float]:
+    value = _known(part["pitch"])
+    mean = float(value.mean()) if value.size else _mean(flown["pitch"])
     scatter = float(value.std() / np.sqrt(value.size)) if value.size > 1 else 0.0
     return {"pitch": mean, "pitch_std": float(np.hypot(scatter, np.radians(mission.pitch.std_deg)))}
 
 
-def _attitude(part: pd.DataFrame) -> dict[str, float]:
+def _attitude(part: _Values) -> dict[str, float]:
     """Return mean roll, and the direction of the mean of the headings' unit vectors."""
-    roll, heading = (part[name].to_numpy()[usable(part, name)] for name in ("roll", "heading"))
+    heading = _known(part["heading"])
     turned = float(np.angle(np.mean(np.exp(1j * heading)))) % (2.0 * math.pi) if heading.size else math.nan
-    return {"roll": float(roll.mean()) if roll.size else math.nan, "heading": turned}
+    return {"roll": _mean(part["roll"]), "heading": turned}
 
 
-def _depth_rate(part: pd.DataFrame, time: np.ndarray) -> dict[str, float]:
+def _depth_rate(part: _Values, time: np.ndarray) -> dict[str, float]:
     """Return the slope of a straight line through the measured depths, positive sinking."""
-    known = usable(part, "pressure")
-    t, z = time[known], part["depth"].to_numpy()[known]
+    known = np.isfinite(part["depth_measured"])
+    t, z = time[known], part["depth_measured"][known]
     if t.size < 3 or t[-1] <= t[0]:
-        return {"depth_rate": np.nan, "depth_rate_std": np.nan, "depth": float(part["depth"].mean())}
+        return {"depth_rate": np.nan, "depth_rate_std": np.nan, "depth": _mean(part["depth"])}
     t = t - t.mean()
     slope = float(t @ (z - z.mean()) / (t @ t))
     residual = z - z.mean() - slope * t
@@ -124,31 +140,29 @@ def _depth_rate(part: pd.DataFrame, time: np.ndarray) -> dict[str, float]:
     return {"depth_rate": slope, "depth_rate_std": std, "depth": float(z.mean())}
 
 
-def _water(part: pd.DataFrame, lent: float) -> dict[str, float]:
+def _water(part: _Values, lent: float) -> dict[str, float]:
     """Return mean density; its 1-sigma is no less than that of a density that mission.yaml lends."""
-    density = part["density"].to_numpy()
-    density = density[np.isfinite(density)]
+    density = _known(part["density"])
     if not density.size:
         return {"density": np.nan, "density_std": np.nan}
     return {"density": float(density.mean()), "density_std": math.hypot(density.std() / np.sqrt(density.size), lent)}
 
 
-def _sensor(part: pd.DataFrame) -> dict[str, float]:
-    good = usable(part, "speed_through_water")
-    if not good.any():
+def _sensor(part: _Values) -> dict[str, float]:
+    value = _known(part["speed_through_water"])
+    if not value.size:
         return {}
-    value = part["speed_through_water"].to_numpy()[good]
     return {
         "sensor_speed": float(value.mean()),
         "sensor_speed_std": float(np.hypot(value.std() / np.sqrt(value.size), SENSOR_FLOOR)),
     }
 
 
-def _settings(part: pd.DataFrame, rotation: np.ndarray, driven: bool) -> dict[str, float]:
+def _settings(part: _Values, rotation: np.ndarray, driven: bool) -> dict[str, float]:
     row = {"propeller_speed": 0.0, "propeller_speed_std": 0.0}
     if driven:
         row = {"propeller_speed": float(np.mean(rotation)), "propeller_speed_std": float(np.std(rotation))}
-    position = part["battery_position"].dropna().to_numpy()
+    position = _known(part["battery_position"])
     if position.size:
         row["battery_position"] = float(position.mean())
         row["battery_position_std"] = float(position.std() / np.sqrt(position.size))
@@ -156,7 +170,7 @@ def _settings(part: pd.DataFrame, rotation: np.ndarray, driven: bool) -> dict[st
 
 
 def _buoyancy(
-    part: pd.DataFrame,
+    part: _Values,
     engine: np.ndarray,
     lag: float,
     body: Hull | None,
@@ -170,7 +184,7 @@ def _buoyancy(
     nothing = {"net_buoyancy": np.nan, "net_buoyancy_std": np.nan}
     if body is None:
         return nothing
-    density, pressure, temperature = (float(part[name].mean()) for name in ("density", "pressure", "temperature"))
+    density, pressure, temperature = (_mean(part[name]) for name in ("density", "pressure", "temperature"))
     value = float(
         net_buoyancy(
             mass=body.mass,

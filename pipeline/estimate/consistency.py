@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from scipy.special import chdtrc, chdtri
 
 from pipeline.estimate.kalman import predictions
 from pipeline.estimate.problem import Problem, Solution
@@ -213,9 +214,7 @@ def _correlations(sums: np.ndarray) -> np.ndarray:
 
 def _band(n: float) -> tuple[float, float]:
     """Return the 95 % band of a mean of `n` squares of independent standard normal numbers."""
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf((0.025, 0.975), n) / n
+    low, high = chdtri(n, (0.975, 0.025)) / n
     return float(low), float(high)
 
 
@@ -228,9 +227,7 @@ def _size(square: float, low: float, high: float) -> str:
 
 def _whiteness(statistic: float, correlations: np.ndarray) -> dict[str, Any]:
     """Return the p-value of Ljung and Box's statistic, and what it means."""
-    from scipy.stats import chi2
-
-    p = float(chi2.sf(statistic, correlations.size))
+    p = float(chdtrc(correlations.size, statistic))
     lag = int(np.argmax(np.abs(correlations)))
     greatest = float(correlations[lag])
     if p >= 0.05:

@@ -32,8 +32,8 @@ from pipeline.vehicle import Polar
 
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
 SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
-#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s), a tenth of the least 1-sigma
-#: that V has. Each step is some five times smaller than the one before, and the last solution is one step more.
+#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s), a tenth of the 1-sigma that
+#: V has at best. Each step is some five times smaller than the one before, and the last solution is one step more.
 STILL = 1e-3
 
 
