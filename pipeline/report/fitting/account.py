@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.report.fitting.goodness import NONE
 from pipeline.report.fitting.heldout import LEFT_OUT
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import AT, COEFFICIENTS
@@ -132,6 +133,7 @@ def refused(problem: Problem, sizes: Mapping[str, Any], reason: str, condition: 
         "selection": {"accepted": [], "rejected": []},
         "robust": {"loss": "none", "outliers": 0, "sentence": ""},
         "colour": None,
+        "goodness": dict(NONE),
         "bootstrap": None,
         "profiles": [],
         "battery": None,

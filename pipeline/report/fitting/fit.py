@@ -20,6 +20,7 @@ from pipeline.report.fitting import battery
 from pipeline.report.fitting.account import account, inflation_of, outliers, refused, residuals
 from pipeline.report.fitting.counterpart import with_lift_kept
 from pipeline.report.fitting.given import DEFAULT, Given
+from pipeline.report.fitting.goodness import goodness
 from pipeline.report.fitting.heldout import left_out_dives
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import of_configurations
@@ -64,8 +65,9 @@ def fit(
     dict
         For summary.json: ``parameters`` (from the data alone, with prior, bootstrap and verdict), ``correlation``,
         ``condition_index``, ``chi_square``, ``selection`` (what was freed beside the first set, what was not, and
-        why), ``robust``, ``colour``, ``bootstrap``, ``profiles``, ``battery``, ``lift_kept``, ``left_out_dives``,
-        ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit, and then no value.
+        why), ``robust``, ``colour``, ``goodness``, ``bootstrap``, ``profiles``, ``battery``, ``lift_kept``,
+        ``left_out_dives``, ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit,
+        and then no value.
 
     Raises
     ------
@@ -96,7 +98,7 @@ def fit(
     both = None if choice is None else solve(choice.problem, prior_on_free=True, weights=choice.solution.weights)
     if choice is None or both is None or not both.converged:
         return refused(problem, sizes, "the fit does not converge: look at pitch and buoyancy of the blocks", condition)
-    result = _finished(choice, both, vehicle, resamples) | sizes | {"depth_rate_scatter": scatter}
+    result = _finished(choice, both, vehicle, resamples, scatter) | sizes | {"depth_rate_scatter": scatter}
     return result | {"text": text(result)}
 
 
@@ -167,7 +169,7 @@ def _count(terms: Sequence[Constraint], name: str) -> int:
     return sum(int(term.dives.size) for term in terms if term.name.startswith(name))
 
 
-def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int) -> dict[str, Any]:
+def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int, scatter: float) -> dict[str, Any]:
     """Return the account of a fit that was made, with all that says how far to trust it."""
     problem, alone = choice.problem, choice.solution
     shade = colour(alone.residual[: problem.points.size] * np.sqrt(alone.weights[: problem.points.size]))
@@ -180,6 +182,7 @@ def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int) 
         "selection": {"accepted": list(choice.accepted), "rejected": list(choice.rejected)},
         "robust": outliers(problem, outlying(alone.residual)),
         "colour": shade._asdict(),
+        "goodness": goodness(problem, alone, shade.effective, scatter),
         "bootstrap": resampled,
         "profiles": [
             {"name": item["name"], "symbol": item["symbol"], "unit": item["unit"]}
