@@ -17,6 +17,7 @@ from pipeline.report.rounding import amount
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
+    from pipeline.table import Columns
 
 #: What each model is called, and how its table names it.
 MODELS = {
@@ -98,12 +99,17 @@ def velocities(passages: Passages, inputs: Inputs) -> dict[str, ThroughWater]:
         out["theory"] = mean_of(weights, seen, speed[np.isfinite(speed)])
     for name, estimates in (("kinematic", inputs.estimates), ("force", inputs.force)):
         if len(estimates):
-            table = estimates[["time", "speed", "path_angle"]]
-            horizontal = floats(table, "speed") * np.cos(floats(table, "path_angle"))
-            out[name] = through_water(passages, seconds(table["time"]), horizontal)
+            out[name] = by_estimate(passages, estimates)
     if inputs.stored is not None and len(inputs.stored):
         out["stored"] = through_water(passages, seconds(inputs.stored["time"]), horizontal_of(inputs.stored))
     return out
+
+
+def by_estimate(passages: Passages, estimates: Columns) -> ThroughWater:
+    """Return the velocity through water of an estimate, table `records.ESTIMATES`, in each passage."""
+    table = estimates[["time", "speed", "path_angle"]]
+    horizontal = floats(table, "speed") * np.cos(floats(table, "path_angle"))
+    return through_water(passages, seconds(table["time"]), horizontal)
 
 
 def horizontal_of(stored: pd.DataFrame) -> np.ndarray:

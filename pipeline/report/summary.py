@@ -17,6 +17,7 @@ from pipeline.report.answer import answer
 from pipeline.report.closures import closures, of_mission
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
 from pipeline.report.compatibility import compatibility
+from pipeline.report.currents import currents
 from pipeline.report.fitting.constraint import told_by
 from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit, solvable
@@ -92,6 +93,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         "stability": _stability(blocks, inputs.predictions),
         "fit": fitted,
         "closure": closures(inputs, passages),
+        "current": currents(inputs, passages),
         "hypotheses": rank(blocks, inputs.vehicle, given),
         "stored_model": model,
         "force": adjustment(inputs.estimate, sensor_used=sensor_used, depth=data["depth_max_m"]),

@@ -28,13 +28,15 @@ def fixes(latitude: list[float], longitude: list[float], every: float) -> pd.Dat
 
 def test_the_map_is_in_metres_of_the_ellipsoid_and_counts_stretches_without_a_fix() -> None:
     """One degree of latitude at the equator is 110 574 m, of longitude 111 320 m (WGS 84)."""
-    found = track(fixes([0.0, 1.0, np.nan, 1.0], [0.0, 0.0, np.nan, 1.0], 1000.0))
+    nothing = {"reason": "no heading", "passages": [], "sentence": ""}
+    found = track(fixes([0.0, 1.0, np.nan, 1.0], [0.0, 0.0, np.nan, 1.0], 1000.0), nothing)
     assert found is not None
     assert found.table is not None
     assert found.table.frame["north"].tolist() == pytest.approx([0.0, 110_574.0, 110_574.0], rel=2e-4)
     assert found.table.frame["east"].tolist() == pytest.approx([0.0, 0.0, 111_320.0], rel=2e-4)
     assert "2 stretches without a fix" in found.alt
-    assert track(fixes([0.0], [0.0], 1.0)) is None
+    assert "No current is drawn: no heading." in found.caption
+    assert track(fixes([0.0], [0.0], 1.0), nothing) is None
 
 
 def test_parts_of_all_dives_are_the_mean_of_the_parts_of_each(petrel: Vehicle) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.quiver import QuiverKey
 from matplotlib.testing.compare import compare_images
 from matplotlib.text import Text
 from pages import caught, complete
@@ -42,6 +43,8 @@ def bare(figure: Figure) -> Figure:
             axes.get_legend().remove()
         for text in axes.findobj(Text):
             text.set_visible(False)
+        for key in axes.findobj(QuiverKey):
+            key.text.set_text("")
     return figure
 
 

@@ -62,7 +62,7 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     gps = _gps(summary["parts"])
     return {
         "answer": answer(summary["parts"]),
-        "track": track(inputs.records),
+        "track": track(inputs.records, summary["current"]),
         "water": water(inputs.records, inputs.estimates),
         "flight": flight(
             inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
