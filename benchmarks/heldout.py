@@ -265,6 +265,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
     if lacking:
         raise NoForceModelError("; ".join(lacking))
     figures: dict[str, list[float]] = {}
+    left_out = []
     for split in splits(found.records):
         print(f"{name}, {split.name}")
         prepared = fitted(real, split.fitted)
@@ -290,6 +291,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
             figures.setdefault("V, fitted with the AD2CP", []).append(100.0 * score["rmse"])
         met = water(split.measured, table, found.stored)
         figures.setdefault("w", []).append(100.0 * rms(met.model))
+        left_out.append(met.model)
         print(f"    w, predicted: {_waters(met.model, met)}")
         if found.stored is not None:
             print(f"    w, stored solution: {_waters(met.stored, met)}")
@@ -304,6 +306,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
         print(f"    w, predicted, of the dives fitted on: {_waters(seen.model, seen)}")
         for line in parameters(prepared):
             print(f"        {line}")
+    print(f"{name}, each dive flown by the fit on the others: w, RMS {100 * rms(np.concatenate(left_out)):.2f} cm/s")
     return figures
 
 

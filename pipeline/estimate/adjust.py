@@ -16,19 +16,41 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, smoother
-from pipeline.estimate.craft import BUOYANCY, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft, thrust_std
+from pipeline.estimate.craft import (
+    BUOYANCY,
+    CARRIED,
+    FLUSHING,
+    HULL_TIME,
+    PARAMETERS,
+    THRUST,
+    Adjusted,
+    Craft,
+    thrust_std,
+)
 from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import ENOUGH, WATER, covariance, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
+from pipeline.model.forces import FLUSHING_BEFORE
 
 #: What the depth rate may adjust; thrust only where the propeller turned. With a speed sensor all may be.
-ADJUSTED = ("parasite_drag", "net_buoyancy", "compressibility", "thermal_expansion", "thrust", "hull_time")
+ADJUSTED = (
+    "parasite_drag",
+    "net_buoyancy",
+    "compressibility",
+    "thermal_expansion",
+    "thrust",
+    "hull_time",
+    "carried_water",
+    "flushing_time",
+)
 #: Changes of coefficients relative to themselves, and the least of them: lift and drag keep their sign.
 RELATIVE = [PARAMETERS.index(name) for name in ("parasite_drag", "lift_slope", "induced_drag", "thrust")]
 LEAST = -0.8
+#: What is never negative.
+UNSIGNED = [HULL_TIME, CARRIED]
 #: An innovation beyond this many standard deviations counts less (Huber 1964, doi:10.1214/aoms/1177703732).
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
@@ -114,13 +136,14 @@ def adjust(
     converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
         matrix, gradient = _with_prior(_equations(stretches, craft, settings, paths, speed=speed), craft)
-        change = _step(matrix, gradient, free, -craft.value[HULL_TIME] / max(craft.std[HULL_TIME], 1e-9))
+        least = -craft.value[UNSIGNED] / np.maximum(craft.std[UNSIGNED], 1e-9)
+        change = _step(matrix, gradient, free, least)
         if change @ last < -0.5 * float(np.linalg.norm(change) * np.linalg.norm(last)):
             share *= 0.5  # turned back: the cost bends more than its Gauss–Newton approximation
         last = change
         change = change * min(share, 2.0 / max(float(np.max(np.abs(change))), 1e-9))
         value = craft.value + change * craft.std
-        value[HULL_TIME] = max(value[HULL_TIME], 0.0)
+        value[UNSIGNED] = np.maximum(value[UNSIGNED], 0.0)
         value[RELATIVE] = np.maximum(value[RELATIVE], LEAST)
         craft = craft._replace(value=value)
         if search and step in SEARCHES:
@@ -193,16 +216,17 @@ def _with_prior(normal: _Normal, craft: Craft) -> tuple[np.ndarray, np.ndarray]:
     return normal.matrix + np.diag(weight), normal.vector + weight * departure
 
 
-def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: float = -np.inf) -> np.ndarray:
-    """Return the Newton step of the free parameters, shape (c,); that of the hull's time is no lower than `least`."""
-    step = np.zeros(free.size)
-    step[free] = -np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
-    if free[HULL_TIME] and step[HULL_TIME] < least:
-        others = free & (np.arange(free.size) != HULL_TIME)
-        pull = gradient[others] + matrix[others, HULL_TIME] * least
-        step[others] = -np.linalg.solve(matrix[np.ix_(others, others)], pull)
-        step[HULL_TIME] = least
-    return step
+def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: np.ndarray | None = None) -> np.ndarray:
+    """Return the Newton step of the free parameters, shape (c,); those of `UNSIGNED` are no lower than `least`."""
+    step, moving = np.zeros(free.size), free.copy()
+    while True:
+        pull = gradient + matrix @ np.where(moving, 0.0, step)
+        step[moving] = -np.linalg.solve(matrix[np.ix_(moving, moving)], pull[moving])
+        beyond = [] if least is None else [i for i, low in zip(UNSIGNED, least, strict=True) if step[i] < low]
+        if least is None or not beyond:
+            return step
+        for i in beyond:
+            step[i], moving[i] = least[UNSIGNED.index(i)], False
 
 
 def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -268,6 +292,12 @@ def _likeliest(
     return Noise(settings, moved(settings, names, open_))
 
 
+def _in_seconds(folds: float, std: float) -> tuple[float, float]:
+    """Return the time in which water carried along is renewed, and its 1-sigma, s, from its logarithm's."""
+    time = FLUSHING_BEFORE * np.exp(folds)
+    return time, time * std
+
+
 def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:
     """Return every parameter with value, 1-sigma before and after, and whether the data determine it.
 
@@ -287,11 +317,14 @@ def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool
             verdict = "determined"
         else:
             verdict = "not determined by these data: mostly as before the mission"
+        now, before = (craft.value[i], after[i]), (craft.centre[i], craft.std[i])
+        if i == FLUSHING:
+            now, before = (_in_seconds(*one) for one in (now, before))
         table[name] = {
-            "value": float(craft.value[i]),
-            "std": float(after[i]),
-            "before": float(craft.centre[i]),
-            "std_before": float(craft.std[i]),
+            "value": float(now[0]),
+            "std": float(now[1]),
+            "before": float(before[0]),
+            "std_before": float(before[1]),
             "verdict": verdict,
         }
     rows = columns[free] / after[free, None]

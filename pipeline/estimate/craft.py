@@ -12,7 +12,15 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.settings import Noise
 from pipeline.mission import Mission
-from pipeline.model.forces import HULL_TIME_BEFORE, HULL_TIME_STD, NO_DISK, disk_thrust, propeller_of
+from pipeline.model.forces import (
+    CARRIED_STD,
+    FLUSHING_STD,
+    HULL_TIME_BEFORE,
+    HULL_TIME_STD,
+    NO_DISK,
+    disk_thrust,
+    propeller_of,
+)
 from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
 
 #: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
@@ -27,9 +35,20 @@ PARAMETERS = (
     "thermal_expansion",  # 1/K
     "thrust",  # relative
     "hull_time",  # s, in which the hull takes on the temperature of the water
+    "carried_water",  # share of the hull's volume: water in the fairing that is renewed slowly
+    "flushing_time",  # natural logarithm of the time in which it is, over `FLUSHING_BEFORE`
 )
-BIAS, BUOYANCY, EXPANSION, THRUST, HULL_TIME = (
-    PARAMETERS.index(name) for name in ("pitch", "net_buoyancy", "thermal_expansion", "thrust", "hull_time")
+BIAS, BUOYANCY, EXPANSION, THRUST, HULL_TIME, CARRIED, FLUSHING = (
+    PARAMETERS.index(name)
+    for name in (
+        "pitch",
+        "net_buoyancy",
+        "thermal_expansion",
+        "thrust",
+        "hull_time",
+        "carried_water",
+        "flushing_time",
+    )
 )
 #: Mass along the nose over mass, where added mass is not known.
 ADDED = 1.1
@@ -80,6 +99,8 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         "thermal_expansion": vehicle.std("thermal_expansion"),
         "thrust": _thrust_std(vehicle),
         "hull_time": HULL_TIME_STD,
+        "carried_water": CARRIED_STD,
+        "flushing_time": FLUSHING_STD,
     }
     std |= {name: vehicle.std(name) / vehicle[name] for name in ("parasite_drag", "lift_slope", "induced_drag")}
     known = np.nan_to_num(np.array([std[name] for name in PARAMETERS]))

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 
 from pipeline.estimate import told
-from pipeline.estimate.craft import BIAS, EXPANSION, HULL_TIME, PARAMETERS, Adjusted, Craft
-from pipeline.estimate.forcing import Forcing, with_thermal_lag
+from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIME, PARAMETERS, Adjusted, Craft
+from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured, pitching
 from pipeline.estimate.noise import left_open
 from pipeline.estimate.problem import Problem, Solution
@@ -24,7 +24,7 @@ from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import Flight, Solve, still
-from pipeline.model.forces import disk_thrust, thrust
+from pipeline.model.forces import FLUSHING_BEFORE, disk_thrust, thrust
 from pipeline.vehicle import Disk, Polar, Propeller
 
 #: States, in order.
@@ -134,6 +134,7 @@ def _fill(
         v, pitch = at.speed[k], 0.5 * (at.pitch[k] + at.pitch[j])
         buoyancy = 0.5 * (force.net_buoyancy[k] + force.net_buoyancy[j]) + values[5]
         buoyancy += values[6] * force.by_compression[k] + values[7] * force.by_expansion[k]
+        buoyancy += values[10] * force.by_carried[k]
         ratio = force.density[k] / density_0
         q = at.pitch_rate[k]
         alpha, a_v, a_t, a_n = _attack(polar, ratio, inertia, buoyancy, v, pitch, q)
@@ -176,6 +177,8 @@ def _fill(
             force.by_expansion[k] * sine,
             pushing * cos_a / push if push != 0.0 else 0.0,
             force.by_time[k] * sine,
+            force.by_carried[k] * sine,
+            force.by_flushing[k] * sine,
         )
         normal = (
             0.0,
@@ -188,6 +191,8 @@ def _fill(
             force.by_expansion[k] * cos_t,
             0.0,
             force.by_time[k] * cos_t,
+            force.by_carried[k] * cos_t,
+            force.by_flushing[k] * cos_t,
         )
         for i in range(c):
             alpha_by[i] = a_n * normal[i]
@@ -294,6 +299,9 @@ def linearise(
     c = len(PARAMETERS) if mixed.shape[1] else 0
     mixed = mixed[:c]
     force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
+    force = with_carried_water(
+        force, series.time, craft.value[CARRIED], FLUSHING_BEFORE * math.exp(craft.value[FLUSHING])
+    )
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
     noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
     moving, turning = pitching(series, s)

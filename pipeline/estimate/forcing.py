@@ -11,7 +11,7 @@ import pandas as pd
 from numba import njit
 
 from pipeline.estimate.ballast import Hull, latitude
-from pipeline.estimate.series import increasing
+from pipeline.estimate.series import increasing, potential_density
 from pipeline.mission import Mission
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import seconds, usable
@@ -28,6 +28,8 @@ class Forcing(NamedTuple):
     by_compression: np.ndarray  # (m,) N per 1/Pa of compressibility
     by_expansion: np.ndarray  # (m,) N per 1/K of thermal expansion
     by_time: np.ndarray  # (m,) N per s of the hull's thermal time constant
+    by_carried: np.ndarray  # (m,) N per hull volume of water that the fairing carries
+    by_flushing: np.ndarray  # (m,) N per e-fold of the time in which that water is renewed
     density: np.ndarray  # (m,) kg/m3
     propeller_speed: np.ndarray  # (m,) rev/s
     propeller_power: np.ndarray  # (m,) W, where thrust is known by it; 0 elsewhere
@@ -82,6 +84,8 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             -displaced * PASCAL_PER_DBAR * pressure,
             displaced * (temperature - vehicle["reference_temperature"]),
             np.zeros(time.size),
+            -gravity * body.volume * np.nan_to_num(_between(time, potential_density(records))),
+            np.zeros(time.size),
             density,
             records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
             _power(records, vehicle),
@@ -118,14 +122,38 @@ def with_thermal_lag(
     )
 
 
+def with_carried_water(force: Forcing, time: np.ndarray, share: float, constant: float) -> Forcing:
+    """Return `force` for a fairing that carries water along and renews it with a time constant.
+
+    The water carried is as compressible as that around it, so that its weight there is by the difference of their
+    potential densities. Sinking, it comes from above and is light; rising, it is heavy.
+
+    Parameters
+    ----------
+    force
+        As from `forcing`, m instants: `by_carried` is the weight of the water around.
+    time
+        s, shape (m,).
+    share
+        Of the hull's volume, that is carried by now; it enters `by_flushing` alone.
+    constant
+        Time constant, s.
+    """
+    late = lagged(time, force.by_carried, constant)
+    later = lagged(time, force.by_carried, 1.01 * constant)
+    return force._replace(by_carried=late - force.by_carried, by_flushing=share / math.log(1.01) * (later - late))
+
+
 @njit(cache=True, nogil=True)
 def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
     """Return `value`, linear between instants, as seen by a first-order lag with this constant, s; shapes (m,)."""
     late = value.copy()
+    dt_0, gone = -1.0, 0.0
     for k in range(1, time.size):
         dt = time[k] - time[k - 1]
         if constant > 0.0:
-            gone = -math.expm1(-max(dt, 0.0) / constant)
+            if dt != dt_0:
+                gone, dt_0 = -math.expm1(-max(dt, 0.0) / constant), dt
             behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
             late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
     return late

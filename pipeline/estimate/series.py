@@ -191,14 +191,20 @@ def _new_setting(cruising: np.ndarray, records: pd.DataFrame) -> np.ndarray:
     return new
 
 
-def _stratification(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
-    """Return how fast the vehicle meets water of another potential density, smoothed over 30 s."""
+def potential_density(records: pd.DataFrame) -> np.ndarray:
+    """Return the potential density at the surface less 1000 kg/m3, shape (m,); NaN where it was not measured."""
     salinity, temperature = (records[name].to_numpy() for name in ("absolute_salinity", "conservative_temperature"))
     known = np.isfinite(salinity) & np.isfinite(temperature)
-    if known.sum() < 3:
-        return np.full(time.size, np.nan)
-    density = np.full(time.size, np.nan)
+    density = np.full(len(records), np.nan)
     density[known] = gsw.sigma0(salinity[known], temperature[known])
+    return density
+
+
+def _stratification(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
+    """Return how fast the vehicle meets water of another potential density, smoothed over 30 s."""
+    density = potential_density(records)
+    if np.isfinite(density).sum() < 3:
+        return np.full(time.size, np.nan)
     return np.asarray(np.abs(_rate(time, _interpolate(time, density), 30.0)))
 
 

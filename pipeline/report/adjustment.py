@@ -16,6 +16,8 @@ PARAMETERS: dict[str, tuple[str, float, str]] = {
     "compressibility": ("compressibility of the hull", 1e10, "10⁻¹⁰/Pa"),
     "thermal_expansion": ("thermal expansion of the hull", 1e6, "10⁻⁶/K"),
     "hull_time": ("time in which the hull takes on the water's temperature", 1.0, "s"),
+    "carried_water": ("water that the fairing carries along, of the hull's volume", 100.0, "%"),
+    "flushing_time": ("time in which that water is renewed", 1.0, "s"),
     "lift_slope": ("lift slope", 100.0, "%"),
     "induced_drag": ("induced drag", 100.0, "%"),
     "lift_at_zero": ("lift at zero angle of attack", 1.0, "kg/m"),
@@ -33,6 +35,7 @@ EXPERIMENTS = (
     (("thrust",), "the propeller on and off, and at several speeds, with the pitch held"),
     (("compressibility",), "dives deeper than {depth}"),
     (("thermal_expansion", "hull_time"), "dives through a sharper thermocline, with a stay below it"),
+    (("carried_water", "flushing_time"), "dives through a sharper pycnocline, with a stay below it"),
 )
 #: Noise levels: what each is, by which methods it is used, shown as factor · value ** power, unit shown.
 NOISE: dict[str, tuple[str, tuple[str, ...], float, float, str]] = {

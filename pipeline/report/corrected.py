@@ -217,6 +217,8 @@ def _remarks(found: Mapping[str, Any]) -> list[str]:
     for name, meaning, unit in (
         ("net_buoyancy", "net buoyancy differs by", "N"),
         ("hull_time", "the hull takes on the temperature of the water in", "s"),
+        ("carried_water", "the fairing carries water along,", "of the hull's volume"),
+        ("flushing_time", "and renews it in", "s"),
     ):
         if name in found:
             entry = found[name]

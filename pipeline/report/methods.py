@@ -86,9 +86,9 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
         told = "the depth rate and the speed sensor" if sensor_used else "the depth rate"
         text += (
             f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, "
-            f"its drag, net buoyancy, compressibility, thermal expansion and thrust adjusted to {told} by the "
-            f"filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias of pitch were "
-            f"{'adjusted, too' if sensor_used else 'considered (Schmidt, 1966)'}."
+            f"its drag, net buoyancy, compressibility, thermal expansion, water carried in the fairing and thrust "
+            f"adjusted to {told} by the filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias "
+            f"of pitch were {'adjusted, too' if sensor_used else 'considered (Schmidt, 1966)'}."
         )
     if (inputs.estimate.get("used") or {}).get("pitch_rate"):
         text += " A gyro's rate of pitch moved the pitch from sample to sample; its bias was estimated."

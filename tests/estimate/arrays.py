@@ -27,12 +27,12 @@ def series(time: np.ndarray, pitch: np.ndarray | float, depth: np.ndarray | floa
 def inputs(
     m: int, net_buoyancy: np.ndarray | float, density: float, propeller_speed: float = 0.0, **others: float
 ) -> Forcing:
-    """Return inputs at m instants; `others` are by_compression, by_expansion, by_time, propeller_power."""
+    """Return inputs at m instants; `others` are the fields beginning with by_, and propeller_power."""
 
     def held(value: np.ndarray | float) -> np.ndarray:
         return np.broadcast_to(value, m).astype(np.float64)
 
-    rest = ("by_compression", "by_expansion", "by_time", "propeller_power")
+    rest = [name for name in Forcing._fields if name.startswith("by_") or name == "propeller_power"]
     by = {name: held(others.get(name, 0.0)) for name in rest}
     given = {"net_buoyancy": net_buoyancy, "density": density, "propeller_speed": propeller_speed, "doubt": 0.0}
     return Forcing(**{name: held(value) for name, value in given.items()}, **by)

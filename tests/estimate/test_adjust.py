@@ -7,18 +7,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+import arrays
 import dives
 import numpy as np
 import pytest
 from dives import PETREL, Flown
 
-from pipeline.estimate import adjust, force, stage
+from pipeline.estimate import adjust, force, smoother, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.craft import PARAMETERS, Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.trajectory import first_guess
+from pipeline.model.forces import CARRIED_STD, FLUSHING_BEFORE, FLUSHING_STD
 from pipeline.simulate import Injection
 from pipeline.vehicle import Coefficient, Vehicle
 
@@ -117,8 +119,12 @@ def test_what_is_only_considered_never_moves_and_keeps_its_spread(fleet: list[Me
             assert report[name]["verdict"].startswith("considered")
         assert craft.value[PARAMETERS.index("thrust")] == 0.0  # the propeller stood still
         assert craft.value[PARAMETERS.index("hull_time")] >= 0.0
+        water = report["carried_water"]
+        assert 0.0 <= water["value"] < 3.0 * water["std"]  # the simulated fairing carries none
         spread = np.sqrt(np.sum(case.adjusted.columns**2, axis=1))
-        np.testing.assert_allclose(spread, [report[n]["std"] if n in report else 0.0 for n in PARAMETERS], rtol=1e-12)
+        told = {name: entry["std"] for name, entry in report.items()}
+        told["flushing_time"] /= report["flushing_time"]["value"]  # in s there, as a logarithm here
+        np.testing.assert_allclose(spread, [told.get(name, 0.0) for name in PARAMETERS], rtol=1e-12)
 
 
 def injected(name: str, change: float) -> Flown:
@@ -165,6 +171,35 @@ def test_noise_levels_that_are_known_are_kept_and_lead_to_parameters_within_the_
         assert abs(one["value"] - other["value"]) < one["std"]
 
 
+def test_water_that_the_fairing_carries_is_found_with_the_time_in_which_it_is_renewed() -> None:
+    """Two dives through a pycnocline of 4 kg/m3, flown with 30 % of the hull's volume carried for 900 s."""
+    share, tau = 0.3, 900.0
+    time = np.arange(0.0, 14400.0, 8.0)
+    rising = np.sin(2.0 * np.pi * time / 7200.0) < 0.0
+    pitch = np.where(rising, 0.4, -0.4)
+    deep = 300.0 * (1.0 - np.abs(1.0 - (time % 7200.0) / 3600.0))
+    around = -9.81 * 0.07 * (25.0 + 2.0 * np.tanh((deep - 100.0) / 40.0))
+    inputs = arrays.inputs(time.size, 0.0, 1025.0)._replace(net_buoyancy=np.where(rising, 4.0, -4.0), by_carried=around)
+    truth = arrays.craft(PETREL, carried_water=share, flushing_time=float(np.log(tau / FLUSHING_BEFORE)))
+    blind = arrays.series(time, pitch)
+    at = force.path(blind, np.full(time.size, 0.4), pitch)
+    for _ in range(8):
+        problem, _ = force.linearise(blind, inputs, truth, Settings(), at, speed=False)
+        mean = smoother.solve(problem, whole=False).mean[:, :, 0]
+        at = force.path(blind, mean[:, force.SPEED], pitch)
+    noise = np.random.default_rng(5).normal(0.0, 0.03, time.size)
+    seen = replace(blind, depth=mean[:, force.DEPTH] + noise)
+    std = np.array(
+        [{"carried_water": CARRIED_STD, "flushing_time": FLUSHING_STD}.get(name, 0.0) for name in PARAMETERS]
+    )
+    craft = arrays.craft(PETREL)._replace(std=std)
+    found = adjust.adjust([adjust.Stretch(seen, inputs)], craft, [at], speed=False).report["parameters"]
+    for name, value in (("carried_water", share), ("flushing_time", tau)):
+        assert found[name]["verdict"] == "determined"
+        assert abs(found[name]["value"] - value) < 3.0 * found[name]["std"]
+        assert found[name]["std"] < 0.35 * value
+
+
 # --- What cannot be told ----------------------------------------------------------------------------------------------
 
 
@@ -202,7 +237,8 @@ def exact(vehicle: Vehicle) -> Vehicle:
 def test_coefficients_known_exactly_are_not_adjusted() -> None:
     flown = dives.fly(5, changes={"parasite_drag": 1.2}, dives=((30.0, 5.0, 100.0),))
     result = adjusted(flown._replace(vehicle=exact(PETREL)))
-    assert set(result.report["parameters"]) == {"pitch", "net_buoyancy", "hull_time"}
+    general = {"pitch", "net_buoyancy", "hull_time", "carried_water", "flushing_time"}
+    assert set(result.report["parameters"]) == general
     assert result.craft.value[PARAMETERS.index("parasite_drag")] == 0.0
 
 

@@ -15,10 +15,10 @@ from pipeline import vehicle
 from pipeline.estimate import force, reference, smoother
 from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
 from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, linearise
-from pipeline.estimate.forcing import Forcing, lagged, with_thermal_lag
+from pipeline.estimate.forcing import Forcing, lagged, with_carried_water, with_thermal_lag
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
-from pipeline.model.forces import disk_thrust
+from pipeline.model.forces import FLUSHING_BEFORE, disk_thrust
 from pipeline.model.steady import trim_at_moment, trim_at_pitch
 from pipeline.vehicle import Polar, Vehicle
 
@@ -128,6 +128,8 @@ def plain(
     return forward / craft.inertia, alpha
 
 
+#: What the measured pitch has, and what acts by a lag, of which the first step has none.
+LAGGING = ("pitch", "hull_time", "carried_water", "flushing_time")
 STEP = {"compressibility": 1e-12, "thermal_expansion": 1e-7, "hull_time": 1e-2}
 
 
@@ -178,7 +180,7 @@ def test_every_slope_is_that_of_a_plain_second_writing(
     assert F[0] @ here + b[0, 0] == pytest.approx(v + rate * reach, rel=1e-9)
     assert F[1] @ here + b[1, 0] == pytest.approx(-v * math.sin(gamma) * dt + z_v * rate * farther, rel=1e-9)
     for i, parameter in enumerate(PARAMETERS):
-        rate_p, alpha_p = (0.0, 0.0) if parameter in ("pitch", "hull_time") else slopes(parameter)
+        rate_p, alpha_p = (0.0, 0.0) if parameter in LAGGING else slopes(parameter)
         assert alphas[0, 3 + i] == pytest.approx(alpha_p, rel=1e-5, abs=1e-9), parameter
         assert b[0, 1 + i] == pytest.approx(rate_p * reach, rel=1e-5, abs=1e-9), parameter
         deeper = v * math.cos(gamma) * alpha_p * dt + z_v * rate_p * farther
@@ -339,7 +341,7 @@ def test_filterpy_solves_the_same_problem_to_1e9() -> None:
     given = arrays.inputs(60, np.where(time < 100.0, -5.0, 5.0), 1025.0)
     craft = arrays.craft(PETREL)
     at = force.path(flown, np.full(60, 0.45), pitch)
-    columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0])[:, [0, 1, 2, 5]]
+    columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0, 0.2, 0.5])[:, [0, 1, 2, 5]]
     adjusted = Adjusted(craft, Noise(STEADY), columns, {})
     ours, _, solution, _ = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
     theirs, _, other, _ = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
@@ -401,6 +403,56 @@ def test_a_changed_expansion_acts_on_the_warmth_of_the_hull_alone() -> None:
     np.testing.assert_allclose(one.shift[:-1, 0, 0], other.shift[:-1, 0, 0], atol=3e-4)
     settled = (time > 1.0) & ((time < 195.0) | (time > 595.0))
     np.testing.assert_allclose(one.shift[settled][:-1, 0, 0], other.shift[settled][:-1, 0, 0], atol=2e-6)
+
+
+# --- Water that the fairing carries -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sinking", [1.0, -1.0])
+def test_carried_water_lifts_a_sinking_vehicle_and_weighs_on_a_rising_one(sinking: float) -> None:
+    """In a constant gradient it is as light as the water met a time constant ago: g V τ dσ/dt, after some of them."""
+    gradient, volume, tau = sinking * 2e-3, 0.07, 200.0  # kg/m3/s; m3; s
+    time = np.arange(0.0, 3000.0, 9.0)
+    around = -9.81 * volume * (25.0 + gradient * time)
+    found = with_carried_water(
+        arrays.inputs(time.size, 0.0, 1025.0)._replace(by_carried=around), time, share=0.3, constant=tau
+    )
+    late = time > 10.0 * tau
+    np.testing.assert_allclose(found.by_carried[late], 9.81 * volume * gradient * tau, rtol=1e-4)
+    np.testing.assert_allclose(found.by_flushing[late], 0.3 * found.by_carried[late], rtol=6e-3)
+    assert found.by_carried[0] == 0.0
+
+
+def test_the_flight_with_carried_water_is_that_with_the_force_it_makes_and_its_slopes_are_differences() -> None:
+    time = np.arange(0.0, 1200.0, 5.0)
+    around = -0.7 * (25.0 + 4.0 * np.tanh((time - 500.0) / 150.0))
+    given = arrays.inputs(time.size, -4.0, 1025.0)._replace(by_carried=around)
+    at = Path(np.full(time.size, 0.4), np.full(time.size, -0.4), np.zeros(time.size))
+    flown = arrays.series(time, -0.4)
+
+    state = np.array([0.4, -0.4, 0.0, 0.0, 0.0])
+
+    def ahead(craft: Craft, inputs: Forcing) -> tuple[np.ndarray, np.ndarray]:
+        """Return V and z one step on, and the columns of the parameters."""
+        problem, _ = linearise(flown, inputs, craft, STEADY, at, speed=False)
+        return (problem.rows @ state + problem.shift[:, :, 0])[:-1], problem.shift[:-1, :, 1:]
+
+    share, folds = 0.3, 0.4
+    late = lagged(time, around, FLUSHING_BEFORE * math.exp(folds)) - around
+    same = arrays.inputs(time.size, 0.0, 1025.0)._replace(net_buoyancy=-4.0 + share * late)
+    values = {"carried_water": share, "flushing_time": folds}
+    here, columns = ahead(arrays.craft(PETREL, **values), given)
+    effect = np.max(np.abs(here - ahead(arrays.craft(PETREL), given)[0]), axis=0)
+    assert effect[0] > 2e-3
+    # buoyancy is the mean over a step, the part of the carried water that at its beginning
+    assert np.all(np.max(np.abs(here - ahead(arrays.craft(PETREL), same)[0]), axis=0) < 0.03 * effect)
+    for name, step in (("carried_water", 1e-3), ("flushing_time", 1e-2)):
+        more, less = (
+            ahead(arrays.craft(PETREL, **values | {name: values[name] + side * step}), given)[0] for side in (1.0, -1.0)
+        )
+        slope = (more - less) / (2.0 * step)
+        column = columns[:, :, PARAMETERS.index(name)]
+        assert np.all(np.max(np.abs(column - slope), axis=0) < 0.02 * np.max(np.abs(slope), axis=0)), name
 
 
 def test_stalled_or_hardly_moving_it_asks_nothing_of_the_lift_balance() -> None:

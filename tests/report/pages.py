@@ -228,6 +228,8 @@ def adjusted(**changes):
         "compressibility": (5.2e-11, 9.9e-11, 0.0, 1e-10, "not determined by these data: mostly as before the mission"),
         "thermal_expansion": (5.41e-5, 9.3e-6, 0.0, 1e-5, "contradicts what was known before, by 5.4 sigma"),
         "hull_time": (241.0, 36.5, 150.0, 150.0, "determined"),
+        "carried_water": (0.31, 0.08, 0.0, 0.25, "determined"),
+        "flushing_time": (310.0, 150.0, 300.0, 300.0, "determined"),
     }
     keys = ("value", "std", "before", "std_before", "verdict")
     parameters = {name: dict(zip(keys, entry, strict=True)) | changes.get(name, {}) for name, entry in entries.items()}

@@ -58,7 +58,7 @@ def test_page_without_a_force_estimate_says_why(petrel, mission, given, reason):
 
 
 def test_adjustment_to_a_sensor_says_so_and_does_not_ask_for_one():
-    names = ("net_buoyancy", "thermal_expansion", "hull_time", "parasite_drag")
+    names = ("net_buoyancy", "thermal_expansion", "hull_time", "parasite_drag", "carried_water", "flushing_time")
     rest = {name: {"verdict": "not determined"} for name in names}
     found = adjustment({"force": adjusted(**rest) | {"converged": False}}, sensor_used=True, depth=math.nan)
     said = " ".join(found["sentences"])
