@@ -16,7 +16,7 @@ from pipeline.report.figures.drawing import Picture, inline
 from pipeline.report.figures.files import FOLDER, KINDS
 from pipeline.report.figures.interactive import Interactive
 from pipeline.report.guide import guide
-from pipeline.report.rounding import aligned, amount, uncertainty
+from pipeline.report.rounding import aligned, amount, decimals, uncertainty
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Rows of a table of blocks on the page; all of them are in summary.json.
@@ -88,7 +88,14 @@ def environment() -> Environment:
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    environment.filters |= {"number": number, "spread": spread, "svg": svg, "amount": amounts, "sigma": sigma}
+    environment.filters |= {
+        "number": number,
+        "spread": spread,
+        "svg": svg,
+        "amount": amounts,
+        "sigma": sigma,
+        "beside": beside,
+    }
     environment.globals |= {"kinds": KINDS}
     return environment
 
@@ -111,6 +118,11 @@ def spread(value: Any, std: Any, digits: int = 3, *, sign: bool = False) -> str:
 def amounts(value: Any, std: Any, *, sign: bool = False) -> str:
     """Return value ± 1-sigma with two digits of the latter, a dash where there is none."""
     return amount(value, std, sign=sign) if _known(value) and _known(std) else MISSING
+
+
+def beside(value: Any, std: Any, digits: int = 2) -> str:
+    """Return a number with as many decimals as go with a 1-sigma that stands elsewhere in its row."""
+    return number(value, decimals(std) if _known(std) else digits)
 
 
 def sigma(std: Any) -> str:

@@ -31,7 +31,13 @@ def amount(value: float, std: float, *, sign: bool = True) -> str:
     if digits > MOST_DECIMALS:
         power = math.floor(math.log10(max(abs(value), std)))
         return f"({amount(value / 10.0**power, std / 10.0**power, sign=sign)})·10{str(power).translate(RAISED)}"
+    value = round(value, digits) or 0.0
     return f"{value:{'+' if sign and value else ''}.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+
+
+def signed(value: float, digits: int = 1) -> str:
+    """Return a number with its sign, a true minus, and so many decimals."""
+    return f"{value:+.{digits}f}".replace("-", "−")
 
 
 def uncertainty(std: float) -> str:

@@ -26,6 +26,7 @@ from pipeline.report.figures.drawing import (
     since,
     style,
 )
+from pipeline.report.rounding import signed
 
 COLUMNS = (
     Column("block", "", "number of the block", "int32"),
@@ -99,7 +100,7 @@ def agreement(comparison: pd.DataFrame) -> Picture | None:
             figure,
             "agreement",
             f"Predicted against measured speed in {len(speeds)} comparisons; the mean difference is "
-            f"{100 * mean:+.1f} cm/s.",
+            f"{signed(100 * mean)} cm/s.",
             "Left: each steady block's measured speed against theory with the measured pitch held, with the 1σ of "
             "either side. Right: E = theory − measured against time, of the speed and of the depth rate (sinking "
             "positive), with the validation uncertainty u_val, in which what both sides borrow from the polar is not "

@@ -10,6 +10,7 @@ import pandas as pd
 
 from pipeline.records import Column
 from pipeline.report.figures.drawing import FREE, HELD, MEASURED, SENSOR, VOID, Drawn, Picture, canvas, picture, style
+from pipeline.report.rounding import signed
 
 COLUMNS = (
     Column("part", "", "part of the mission", "string"),
@@ -111,11 +112,11 @@ def _table(parts: Sequence[Mapping[str, Any]]) -> Drawn:
 
 
 def _wrapped(part: Mapping[str, Any]) -> str:
-    settings = f"{part['net_buoyancy_N']:+.1f} N"
+    settings = f"{signed(part['net_buoyancy_N'])} N"
     if part["propeller_speed_rpm"]:
         settings += f", {part['propeller_speed_rpm']:.0f} rpm"
     if math.isfinite(part["pitch_deg"]):
-        settings += f", {part['pitch_deg']:+.1f}°"
+        settings += f", {signed(part['pitch_deg'])}°"
     return f"{part['name']}\n{settings}"
 
 

@@ -30,6 +30,7 @@ from pipeline.report.figures.drawing import (
     picture,
     style,
 )
+from pipeline.report.rounding import signed
 from pipeline.vehicle import Vehicle
 
 LINES = ("-", "--", ":", "-.")
@@ -135,7 +136,7 @@ def _state(group: pd.DataFrame, vehicle: Vehicle) -> State | None:
         "path_angle": [pitch - float(held.angle_of_attack)],
     }
     return State(
-        DIRECTIONS[side] + f", {force:+.1f} N" + (f", {60 * turning:.0f} rpm" if powered else ""),
+        DIRECTIONS[side] + f", {signed(force)} N" + (f", {60 * turning:.0f} rpm" if powered else ""),
         side,
         powered,
         _curve(vehicle, _angles(centre, powered=powered), force, turning, density),

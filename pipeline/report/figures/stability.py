@@ -32,6 +32,7 @@ from pipeline.report.figures.drawing import (
     picture,
     style,
 )
+from pipeline.report.rounding import signed
 from pipeline.vehicle import Vehicle
 
 COLUMNS = (
@@ -109,7 +110,7 @@ def _flown(both: pd.DataFrame, vehicle: Vehicle) -> Flown:
         moment_sin=vehicle["righting_moment"],
     )
     label = f"the median of {DIRECTIONS[int(group['direction'].iloc[0])]}{' under propeller' if powered else ''}"
-    return Flown(f"{label}, {force:+.1f} N", state, group)
+    return Flown(f"{label}, {signed(force)} N", state, group)
 
 
 def _range(axes: Axes, both: pd.DataFrame) -> None:

@@ -137,8 +137,8 @@ def _draw(axes: Axes, arrows: pd.DataFrame, wide: float) -> str:
     drawn = axes.quiver(x, y, scale * u, scale * v, angles="xy", scale_units="xy", scale=1.0, color=INK, width=0.004,
                         zorder=4)  # fmt: skip
     axes.plot(x + scale * u, y + scale * v, linestyle="none")
-    axes.quiverkey(drawn, 0.03, 0.04, scale * step, f"{step:g} m/s, 1σ {uncertainty(float(np.median(std)))} m/s",
-                   labelpos="E", coordinates="axes", fontproperties={"size": 9})  # fmt: skip
+    axes.quiverkey(drawn, 0.25, 0.03, scale * step, f"{step:g} m/s, 1σ {uncertainty(float(np.median(std)))} m/s",
+                   labelpos="N", coordinates="axes", fontproperties={"size": 9})  # fmt: skip
     if len(arrows) > CIRCLED:
         return ""
     tips = np.column_stack([x + scale * u, y + scale * v])
