@@ -92,7 +92,7 @@ def means(
 
 
 def _known(value: np.ndarray) -> np.ndarray:
-    return value[np.isfinite(value)]
+    return np.asarray(value[np.isfinite(value)])
 
 
 def _mean(value: np.ndarray) -> float:
