@@ -29,7 +29,7 @@ from pipeline.estimate.craft import (
 )
 from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import ENOUGH, WATER, covariance, moved, noise_from
+from pipeline.estimate.noise import ENOUGH, WATER, covariance, levelled, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -288,7 +288,12 @@ def _likeliest(
     open_ = covariance(cost, best.x) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
-    settings = settings._replace(**found)
+    series, force, at = *stretches[0], paths[0]
+    settings = levelled(
+        settings._replace(**found),
+        ~(series.manoeuvre | series.afloat),
+        lambda trial: linearise(series, force, craft, trial, at, speed=speed, columns=nothing)[0],
+    )
     return Noise(settings, moved(settings, names, open_))
 
 

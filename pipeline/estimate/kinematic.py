@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
-from pipeline.estimate.noise import left_open, likeliest, noise_from
+from pipeline.estimate.noise import SEARCHED, left_open, levelled, likeliest, moved, noise_from, rounded
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
@@ -35,7 +35,7 @@ from pipeline.vehicle import Polar, Vehicle
 GATE = 6.0
 #: A coefficient moved down by its 1-sigma keeps at least this share of its value.
 LEAST = 0.2
-#: The trajectory is solved for at most so many times; before noise is searched along it, so many.
+#: The trajectory is solved for at most so many times; before the noise of the water is searched along it, so many.
 ITERATIONS, ROUGH = 9, 2
 #: What the estimate borrows, besides the pitch as logged; each is moved by its 1-sigma.
 BORROWED = ("pitch", "lift_slope", "parasite_drag", "induced_drag", "lift_at_zero")
@@ -89,11 +89,17 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
     """
     sources = Sources(mission.speed_sensor == "use", fixes)
     settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
-    if any(math.isnan(value) for value in vehicle.polar):
-        return Model(vehicle.polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
-    at = iterate(series, vehicle.polar, settings, first_guess(series, vehicle.polar), sources, solve, ROUGH)
-    noise = likeliest(series, vehicle.polar, settings, at, sources.speed)
-    return Model(vehicle.polar, *_considered(vehicle, mission), noise, sources, solve)
+    polar = vehicle.polar
+    if any(math.isnan(value) for value in polar):
+        return Model(polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
+    at = iterate(series, polar, settings, first_guess(series, polar), sources, solve, ROUGH)
+    settings, spread = likeliest(series, polar, settings, at, sources.speed)
+    at = iterate(series, polar, settings, at, sources, solve, ITERATIONS)
+    steady = ~(series.manoeuvre | series.afloat)
+    settings = levelled(settings, steady, lambda trial: linearise(series, polar, trial, at, sources))
+    names = tuple(SEARCHED)
+    noise = Noise(rounded(settings, names), tuple(rounded(each, names) for each in moved(settings, names, spread)))
+    return Model(polar, *_considered(vehicle, mission), noise, sources, solve)
 
 
 def solve(series: Series, model: Model) -> Part:

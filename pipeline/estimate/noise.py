@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 from pipeline.estimate import kalman
 from pipeline.estimate.gyro import walks
 from pipeline.estimate.linearise import Sources, Trajectory, linearise
+from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.vehicle import Polar
@@ -28,6 +30,9 @@ SETTLING, LEADING, SHARE = 75.0, 45.0, 0.25
 FEWEST = 40
 #: The noise of depth (m) is not believed below this.
 QUIET = 0.005
+#: An innovation beyond this many standard deviations says nothing of their level; and the logarithm by which the noise
+#: of depth may be off.
+OUTLYING, FARTHEST = 6.0, 1.5
 
 
 def noise_from(series: Series) -> Settings:
@@ -46,13 +51,22 @@ def noise_from(series: Series) -> Settings:
     )
 
 
-def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool) -> Noise:
-    """Return settings with w_w's σ and τ, V's unsteadiness, swell and depth noise at their most probable values.
+def likeliest(
+    series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool
+) -> tuple[Settings, np.ndarray]:
+    """Return settings with the noise levels `SEARCHED` at their most probable values, and what is open of those.
 
     How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So the
     variances are means over their posterior (log-normal, by the curvature at its maximum) in place of the values at
     the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's unsteadiness. What is not known
     of them widens the intervals; how far the estimate itself moves with them is for `moved` to tell.
+
+    Returns
+    -------
+    settings : Settings
+        Noise levels.
+    covariance : ndarray
+        Of the logarithms of those searched, shape (5, 5).
     """
     calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
     settings = settings._replace(sigma_w=WATER)
@@ -77,12 +91,48 @@ def likeliest(series: Series, polar: Polar, settings: Settings, at: Trajectory, 
     found["sigma_w"] *= float(np.exp(spread_of[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
     found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
-    found["depth_noise"] = max(found["depth_noise"], QUIET)
-    settings = _known(settings._replace(**found), names)
-    return Noise(settings, tuple(_known(each, names) for each in moved(settings, names, spread_of)))
+    return settings._replace(**found), spread_of
 
 
-def _known(settings: Settings, names: Sequence[str]) -> Settings:
+def levelled(settings: Settings, steady: np.ndarray, problem_of: Callable[[Settings], Problem]) -> Settings:
+    """Return `settings` with noise of depth and pitch such that innovations in steady flight are as large as predicted.
+
+    Levels read off quick changes, or most probable along a first trajectory, are not quite those of the last one. Of
+    pitch, noise and random walk keep their ratio, so that it is smoothed as before.
+
+    Parameters
+    ----------
+    settings
+        Noise levels found.
+    steady
+        Where flight is steady, boolean of shape (m,).
+    problem_of
+        Gives the problem at any settings; depth and pitch are its first kinds of measurement.
+    """
+
+    def sizes(trial: Settings) -> list[float]:
+        found, variance = kalman.innovations(problem_of(trial))
+        square = found[steady, :2, 0] ** 2 / variance[steady, :2]
+        counted = [each[each < OUTLYING**2] for each in square.T]
+        return [float(np.mean(each)) if each.size >= FEWEST else 1.0 for each in counted]
+
+    def pitch_levelled(settings: Settings) -> Settings:
+        by = sizes(settings)[1]
+        moves = {name: by * getattr(settings, name) for name in ("pitch_drift", "turn_drift")}
+        return settings._replace(pitch_noise=by**0.5 * settings.pitch_noise, **moves)
+
+    def excess(logarithm: float) -> float:
+        return sizes(settings._replace(depth_noise=math.exp(logarithm)))[0] - 1.0
+
+    settings = pitch_levelled(settings)
+    here = math.log(settings.depth_noise)
+    low, high = max(here - FARTHEST, math.log(QUIET)), here + FARTHEST
+    if excess(low) > 0.0 > excess(high):  # else it is not the noise of depth that is amiss
+        here = brentq(excess, low, high, xtol=0.005)
+    return pitch_levelled(settings._replace(depth_noise=math.exp(here)))
+
+
+def rounded(settings: Settings, names: Sequence[str]) -> Settings:
     """Return `settings` with three digits of the levels `names`: more is not known of them, and rounding stays out."""
     return settings._replace(**{name: float(f"{getattr(settings, name):.3g}") for name in names})
 

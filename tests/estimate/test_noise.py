@@ -10,10 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.estimate import kinematic, smoother
-from pipeline.estimate.noise import left_open, moved
+from pipeline.estimate import kalman, kinematic, smoother, stage
+from pipeline.estimate.linearise import Sources, linearise
+from pipeline.estimate.noise import left_open, levelled, moved
+from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
+from pipeline.estimate.trajectory import first_guess, iterate
 
 
 @given(st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.floats(-0.9, 0.9))
@@ -77,3 +80,53 @@ def test_a_mission_known_twice_as_badly_leaves_more_open() -> None:
     )
     spread = [np.log(noise.moved[0].sigma_w / noise.settings.sigma_w) for noise in (whole, part)]
     assert spread[1] > spread[0] > 0.0
+
+
+def innovation_sizes(problem: Problem, steady: np.ndarray) -> np.ndarray:
+    """Return the mean normalised innovation squared of depth and of pitch in steady flight, shape (2,)."""
+    found, variance = kalman.innovations(problem)
+    return np.asarray(np.nanmean(found[steady, :2, 0] ** 2 / variance[steady, :2], axis=0))
+
+
+@pytest.mark.parametrize(("depth_by", "pitch_by"), [(1.0, 1.0), (3.0, 0.4), (0.3, 2.5)])
+def test_wherever_the_noise_of_depth_and_pitch_starts_innovations_come_out_as_large_as_predicted(
+    depth_by: float, pitch_by: float
+) -> None:
+    flown = dives.fly(5, dives=((25.0, 4.0, 150.0),))
+    series = from_records(flown.records)
+    model = kinematic.prepare(series, flown.vehicle, flown.mission, smoother.solve, fixes=False)
+    polar, here, sources = model.polar, model.noise.settings, model.sources
+    at = iterate(series, polar, here, first_guess(series, polar), sources, smoother.solve, 3)
+    wrong = here._replace(
+        depth_noise=here.depth_noise * depth_by,
+        pitch_noise=here.pitch_noise * pitch_by,
+        pitch_drift=here.pitch_drift * pitch_by**2,
+    )
+    steady = ~(series.manoeuvre | series.afloat)
+
+    def problem_of(settings: Settings) -> Problem:
+        return linearise(series, polar, settings, at, sources)
+
+    found = levelled(wrong, steady, problem_of)
+    np.testing.assert_allclose(innovation_sizes(problem_of(found), steady), 1.0, rtol=0.02)
+    assert found.pitch_drift / found.pitch_noise**2 == pytest.approx(here.pitch_drift / here.pitch_noise**2)
+    assert found.depth_noise == pytest.approx(0.02, rel=0.2)  # what `dives.fly` adds
+
+
+def test_too_few_innovations_leave_the_noise_as_it_was() -> None:
+    flown = dives.fly(5, dives=((25.0, 4.0, 150.0),))
+    series = from_records(flown.records)
+    polar, here, sources = flown.vehicle.polar, Settings(), Sources(speed=False, fixes=False)
+    at = first_guess(series, polar)
+    nowhere = np.zeros(series.time.size, dtype=bool)
+    np.testing.assert_allclose(
+        levelled(here, nowhere, lambda settings: linearise(series, polar, settings, at, sources)), here, rtol=1e-12
+    )
+
+
+def test_in_the_estimates_innovations_of_depth_and_pitch_are_as_large_as_predicted() -> None:
+    flown = dives.fly(8, dives=((30.0, 5.0, 250.0),))
+    report = stage.estimate(flown.records, flown.vehicle, flown.mission).report["consistency"]
+    for method in ("kinematic", "force"):
+        for row in report[method]["innovations"]:
+            assert row["low_effective"] <= row["nis"] <= row["high_effective"], (method, row["instrument"])
