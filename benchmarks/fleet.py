@@ -343,8 +343,10 @@ def _mission(plan: Plan, orders: _Orders, offset: float, rng: np.random.Generato
             return plan
         if warm > WEAK:
             warm, salty = 0.8 * warm, 0.8 * salty
-        else:
+        elif depth > DEPTH[0]:
             depth = max(0.9 * depth, DEPTH[0])
+        else:  # it is the offset that turns the sign
+            orders = replace(orders, sink=1.1 * orders.sink, rise=1.1 * orders.rise)
 
 
 def _water(warm: float, salty: float, deep: float, mixed: float) -> Water:

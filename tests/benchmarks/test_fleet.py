@@ -181,3 +181,12 @@ def test_the_pitch_bias_is_in_the_records() -> None:
     true = np.interp(seconds(known["time"]), seconds(mission.truth["time"]), mission.truth["pitch"])
     logged = np.degrees(np.median(known["pitch"] - true))
     assert logged == pytest.approx(flight.injection.pitch_bias_deg, abs=0.1)
+
+
+def test_an_offset_that_would_keep_a_glider_afloat_is_met_by_stronger_orders() -> None:
+    flight = plan_of(10100)
+    offset = flight.injection.buoyancy_offset
+    assert offset > 1.0
+    sinking = [stage.net_buoyancy for stage in glides(flight) if stage.end == "deeper"]
+    assert sinking
+    assert max(sinking) + offset < -fleet.LEAST_FORCE
