@@ -53,6 +53,7 @@ def means(
     driven = powered(records)
     time = seconds(records["time"])
     number, place = records["block"].to_numpy(), np.arange(len(records))
+    stamps, dives, reasons = records["time"].array, records["dive"].to_numpy(), estimates["reason"]
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
     gravity = float(gsw.grav(latitude(records, mission), 0.0))
     rotation = records["propeller_speed"].ffill().to_numpy()
@@ -72,12 +73,12 @@ def means(
         part, flown = ({name: value[inside] for name, value in table.items()} for table in (read, estimated))
         row: dict[str, Any] = {
             "block": block,
-            "start": records["time"].iloc[first],
-            "end": records["time"].iloc[place[inside][-1]],
-            "dive": int(records["dive"].iloc[first]),
+            "start": stamps[first],
+            "end": stamps[place[inside][-1]],
+            "dive": int(dives[first]),
             "powered": bool(driven[inside].mean() > 0.5),
         }
-        row |= _flight(flown, estimates["reason"].iloc[inside])
+        row |= _flight(flown, reasons, inside)
         row |= _pitch(part, flown, mission)
         row |= _attitude(part)
         row |= _depth_rate(part, time[inside])
@@ -101,11 +102,11 @@ def _mean(value: np.ndarray) -> float:
     return float(known.mean()) if known.size else math.nan
 
 
-def _flight(flown: _Values, reasons: pd.Series) -> dict[str, Any]:
+def _flight(flown: _Values, reasons: pd.Series, inside: slice | np.ndarray) -> dict[str, Any]:
     """Return means of the estimates; within a block their errors are one and the same, so the 1-sigma stays."""
     seen = flown["observable"].astype(bool)
     if seen.mean() < SHARE:
-        return {"used": False, "reason": f"speed unobservable: {reasons[~seen].mode().iloc[0]}"}
+        return {"used": False, "reason": f"speed unobservable: {reasons.iloc[inside][~seen].mode().iloc[0]}"}
     row: dict[str, Any] = {"used": True, "reason": ""}
     for name in _STATES:
         row[name] = float(flown[name][seen].mean())

@@ -12,7 +12,7 @@ from pipeline.estimate.problem import Problem
 from pipeline.estimate.sensors import with_rate, with_scale
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
-from pipeline.model.closure import best_glides, glide_near, parasite
+from pipeline.model.closure import Best, best_glides, glide_near, parasite
 from pipeline.vehicle import Polar
 
 #: States, in order; the last five only where there are fixes and a heading. CRUISE is the speed of powered level
@@ -108,7 +108,7 @@ def integrated(sigma: float, tau: float, dt: float, phi: float) -> tuple[float, 
 
 
 @njit(cache=True, nogil=True)
-def change_of_glide(moved: np.ndarray, speed: float, pitch: float, guess: float) -> float:
+def change_of_glide(moved: np.ndarray, best: np.ndarray, speed: float, pitch: float, guess: float) -> float:
     """Return the change of a glide's α, rad, per 1-sigma of a coefficient: half of that between up and down.
 
     With 1-sigma of 20 to 50 % α is far from linear in lift and drag; the difference upwards alone is a fifth short of
@@ -118,6 +118,8 @@ def change_of_glide(moved: np.ndarray, speed: float, pitch: float, guess: float)
     ----------
     moved
         The two polars, shape (2, 5).
+    best
+        Their flattest glides, shape (2, 4), filled where NaN; where drag depends on speed, each time.
     speed, pitch
         V [m/s] and θ [rad].
     guess
@@ -126,8 +128,11 @@ def change_of_glide(moved: np.ndarray, speed: float, pitch: float, guess: float)
     change = 0.0
     for side in range(2):
         polar = Polar(moved[side, 0], moved[side, 1], moved[side, 2], moved[side, 3], moved[side, 4])
-        drag_0 = parasite(polar, speed)
-        alpha = glide_near(polar, drag_0, best_glides(polar, drag_0), speed, pitch, guess)[0]
+        drag_0, known = parasite(polar, speed), best[side]
+        if polar.drag_exponent != 0.0 or math.isnan(known[0]):
+            known[0], known[1], known[2], known[3] = best_glides(polar, drag_0)
+        glides = Best(known[0], known[1], known[2], known[3])
+        alpha = glide_near(polar, drag_0, glides, speed, pitch, guess)[0]
         change += 0.5 * alpha if side == 0 else -0.5 * alpha
     return change
 
@@ -150,7 +155,7 @@ def _fill(
     m, n = decay.shape
     c = moved.shape[0]
     drag_0, alpha, dt_0 = parasite(polar, 1.0), math.nan, -1.0
-    best = best_glides(polar, drag_0)
+    best, best_moved = best_glides(polar, drag_0), np.full((c, 2, 4), np.nan)
     phi_w = 1.0
     for k in range(m - 1):
         pause = course.time[k + 1] - course.time[k]
@@ -240,7 +245,7 @@ def _fill(
                 q[SPEED] = s.speed_drift_manoeuvre * dt
         if not powered and not surfaced:
             for i in range(c):
-                change = change_of_glide(moved[i], v, pitch, alpha)
+                change = change_of_glide(moved[i], best_moved[i], v, pitch, alpha)
                 b[0, 2 + i] = v * cosine * change * dt
                 if n > EAST:
                     b[2, 2 + i] = along[0] * v * sine * change * dt

@@ -27,7 +27,7 @@ from pipeline.estimate.sensors import around, scale_of
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.told import Told
-from pipeline.model.closure import glide_angle, glide_angles
+from pipeline.model.closure import best_glides, glide_angles, glide_near, parasite
 from pipeline.vehicle import Polar
 
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
@@ -150,12 +150,17 @@ def _describe(
 ) -> None:
     """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
     m, _, columns = mean.shape
-    change = np.empty((6, columns - 1))
+    change, best_moved = np.empty((6, columns - 1)), np.full((len(moved), 2, 4), np.nan)
+    drag_0, glide = parasite(polar, 1.0), math.nan
+    best = best_glides(polar, drag_0)
     for k in range(m):
         x, P = mean[k], covariance[k]
         source = CRUISE if cruising[k] else SPEED
         speed = min(max(x[source, 0], SLOWEST), FASTEST)
-        glide, by_pitch, by_speed, steady[k] = glide_angle(polar, speed, x[PITCH, 0])
+        if polar.drag_exponent != 0.0:
+            drag_0 = parasite(polar, speed)
+            best = best_glides(polar, drag_0)
+        glide, by_pitch, by_speed, steady[k] = glide_near(polar, drag_0, best, speed, x[PITCH, 0], glide)
         share = 0.0 if powered[k] else 1.0
         alpha = share * glide + x[SLIP, 0]
         state[0, k], state[1, k], state[2, k] = x[source, 0], x[PITCH, 0], alpha
@@ -170,7 +175,7 @@ def _describe(
         for q in range(columns - 1):
             direct = 0.0
             if 0 < q < 1 + len(moved) and not powered[k]:
-                direct = change_of_glide(moved[q - 1], speed, x[PITCH, 0], glide)
+                direct = change_of_glide(moved[q - 1], best_moved[q - 1], speed, x[PITCH, 0], glide)
             change[0, q], change[1, q] = x[source, 1 + q], x[PITCH, 1 + q]
             change[2, q] = a * x[source, 1 + q] + b * x[PITCH, 1 + q] + x[SLIP, 1 + q] + direct
             change[3, q], change[4, q] = change[1, q] - change[2, q], x[WATER, 1 + q]

@@ -18,6 +18,8 @@ from pipeline.vehicle import Polar
 
 #: The closure is used for glides steeper than this pitch (rad) only, whatever the polar.
 LEAST_PITCH = 0.03
+#: Within this of the pitch asked for (rad, times the square of the slope) a step of Newton's leaves nothing to go.
+CLOSE = 1e-9
 
 
 @njit(cache=True, nogil=True)
@@ -57,6 +59,8 @@ def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest
         step = b - gap / (side * slope)
         if not low < step < high:
             step = 0.5 * (low + high)
+        elif abs(gap) < CLOSE * min(1.0, slope * slope):
+            return step
         if abs(step - b) < 1e-14:
             return step
         b = step

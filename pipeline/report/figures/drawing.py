@@ -175,7 +175,9 @@ def _followed(colour: str) -> str:
 
 def _settle(figure: Figure) -> None:
     """Lay out `figure` and round the result: the solver sums in the order of memory addresses, last digits vary."""
-    figure.draw_without_rendering()
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position(tuple(round(bound, 6) for bound in axes.get_position().bounds))
