@@ -12,8 +12,8 @@ from pipeline.report.rounding import aligned, amount, uncertainty
 @pytest.mark.parametrize(
     ("value", "std", "shown"),
     [(0.61234, 0.0104, "0.612 ± 0.010"), (-1.0, 0.0996, "−1.00 ± 0.10"), (1234.5, 61.0, "1234 ± 61"),
-     (2.0, 0.0, "2.000 ± 0.000"), (5e-10, 1.04e-10, "(5.0 ± 1.0)·10⁻¹⁰"), (0.0, 2e-9, "(0.0 ± 2.0)·10⁻⁹"), (-0.04, 2.2, "0.0 ± 2.2"),
-     (0.000123, 0.0000456, "0.000123 ± 0.000046")],
+     (2.0, 0.0, "2.000 ± 0.000"), (5e-10, 1.04e-10, "(5.0 ± 1.0)·10⁻¹⁰"), (0.0, 2e-9, "(0.0 ± 2.0)·10⁻⁹"),
+     (-0.04, 2.2, "0.0 ± 2.2"), (0.000123, 0.0000456, "0.000123 ± 0.000046")],
 )  # fmt: skip
 def test_an_uncertainty_has_two_digits_and_its_value_as_many_decimals(value: float, std: float, shown: str) -> None:
     assert amount(value, std, sign=False) == shown
