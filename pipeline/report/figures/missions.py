@@ -110,8 +110,8 @@ def gaps(missions: Sequence[Mapping[str, Any]]) -> Picture | None:
             "gaps",
             f"Theory less measured speed in {len(rows)} parts of {len(missions)} missions; the greatest ratio to its "
             f"uncertainty is {worst:.1f}.",
-            "Theory with the measured pitch held less measured speed, in every part of every mission, in time, with "
-            f"the validation uncertainty u_val. Filled: beyond {SIGNIFICANT:.0f} u_val.",
+            "Theory with the measured pitch held less measured speed, in every part of every mission, by vehicle and "
+            f"in time, with the validation uncertainty u_val. Filled: beyond {SIGNIFICANT:.0f} u_val.",
             Drawn(_gaps(missions), GAPS),
         )
 
@@ -162,9 +162,9 @@ def coefficients(missions: Sequence[Mapping[str, Any]], vehicles: Sequence[Mappi
             figure,
             "coefficients",
             f"{'; '.join(panels.values())}: what each of {len(missions)} missions says, with 1-sigma.",
-            "Each mission's corrections to the vehicle file with 1σ, in time: blue circles by the fit to steady "
-            "blocks, from the data alone; brown diamonds as the force estimate was adjusted, priors included. Grey: "
-            "the vehicle's mean with 1σ, where two missions or more determine it.",
+            "Each mission's corrections to the vehicle file with 1σ, by vehicle and in time: blue circles by the fit "
+            "to steady blocks, from the data alone; brown diamonds as the force estimate was adjusted, priors "
+            "included. Grey: the vehicle's mean with 1σ, where two missions or more determine it.",
             Drawn(table.drop(columns="place"), COEFFICIENTS),
         )
 

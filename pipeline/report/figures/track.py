@@ -136,7 +136,8 @@ def _draw(axes: Axes, arrows: pd.DataFrame, wide: float) -> str:
     scale = ARROW * max(1e-3 * wide, 0.1) / max(fastest, step)
     drawn = axes.quiver(x, y, scale * u, scale * v, angles="xy", scale_units="xy", scale=1.0, color=INK, width=0.004,
                         zorder=4)  # fmt: skip
-    axes.plot(x + scale * u, y + scale * v, linestyle="none")
+    for side in (-1.2 * scale * std, 1.2 * scale * std):  # so that the map holds arrows and circles
+        axes.plot(x + scale * u + side, y + scale * v + side, linestyle="none")
     axes.quiverkey(drawn, 0.25, 0.03, scale * step, f"{step:g} m/s, 1σ {uncertainty(float(np.median(std)))} m/s",
                    labelpos="N", coordinates="axes", fontproperties={"size": 9})  # fmt: skip
     if len(arrows) > CIRCLED:
