@@ -24,7 +24,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -411,7 +411,7 @@ def scored(
     untold |= {row["name"] for row in ranked["rows"] if row not in tested or abs(planned.change) < row["seen_from"]}
     inside = []
     if planned.cause in (NOTHING, "sensor drag", "buoyancy error") and not fitted["reason"]:
-        inside += [abs(x["value"] - offsets.get(x["name"], 0.0)) < BOUND * x["std"] for x in fitted["parameters"]]
+        inside += [_holds(x["interval_95"], offsets.get(x["name"], 0.0)) for x in fitted["parameters"]]
     of_cause = [row["parameters"][0] for row in tested if row["name"] == planned.cause != NOTHING]
     return {
         "blocks": int(blocks["used"].sum()),
@@ -427,6 +427,12 @@ def scored(
         "inside_cause": [bool(abs(x["value"] - offsets.get(x["name"], 0.0)) < BOUND * x["std"]) for x in of_cause],
         "std_factors": ranked["std_factors"],
     }
+
+
+def _holds(interval: Sequence[float], true: float) -> bool:
+    """Return whether an interval holds the truth; an end that is NaN is open."""
+    low, high = interval
+    return not (true < low or true > high)
 
 
 def drawn(planned: Campaign, draws: int) -> list[dict[str, Any]]:

@@ -70,7 +70,7 @@ def _words(profile: Mapping[str, Any]) -> str:
     low, high = profile["interval_95"]
     if math.isfinite(low) and math.isfinite(high):
         return f"{profile['symbol']}: 95 % interval from {low:+.3g} to {high:+.3g} {profile['unit']}"
-    return f"{profile['symbol']}: open on a side within three 1-sigma"
+    return f"{profile['symbol']}: open on a side"
 
 
 def _table(found: list[Mapping[str, Any]]) -> Drawn:

@@ -168,6 +168,7 @@ def parameter(
         "percent_std": alone[1] * relative,
         "percent_with_prior": both[0] * relative,
         "percent_std_with_prior": both[1] * relative,
+        "interval_95": [math.nan, math.nan],
         "bootstrap_std": math.nan,
     }
 

@@ -63,7 +63,8 @@ def fit(
     Returns
     -------
     dict
-        For summary.json: ``parameters`` (from the data alone, with prior, bootstrap and verdict), ``correlation``,
+        For summary.json: ``parameters`` (from the data alone, with prior, bootstrap and verdict; ``interval_95`` by
+        profile likelihood, which holds where theory bends over a 1-sigma, too), ``correlation``,
         ``condition_index``, ``chi_square``, ``selection`` (what was freed beside the first set, what was not, and
         why), ``robust``, ``colour``, ``goodness``, ``bootstrap``, ``profiles``, ``battery``, ``lift_kept``,
         ``left_out_dives``, ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit,
@@ -178,6 +179,9 @@ def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int, 
     resampled = bootstrap(problem, alone, resamples=resamples)
     for item, std in zip(result["parameters"], resampled["std"], strict=True):
         item["bootstrap_std"] = std
+    profiles = [profile(problem, alone, place, inflation=inflation) for place in range(problem.free)]
+    for item, found in zip(result["parameters"], profiles, strict=True):
+        item["interval_95"] = found["interval_95"]
     result |= {
         "selection": {"accepted": list(choice.accepted), "rejected": list(choice.rejected)},
         "robust": outliers(problem, outlying(alone.residual)),
@@ -185,9 +189,8 @@ def _finished(choice: Choice, both: Solution, vehicle: Vehicle, resamples: int, 
         "goodness": goodness(problem, alone, shade.effective, scatter),
         "bootstrap": resampled,
         "profiles": [
-            {"name": item["name"], "symbol": item["symbol"], "unit": item["unit"]}
-            | profile(problem, alone, place, inflation=inflation)
-            for place, item in enumerate(result["parameters"])
+            {"name": item["name"], "symbol": item["symbol"], "unit": item["unit"]} | found
+            for item, found in zip(result["parameters"], profiles, strict=True)
         ],
         "battery": battery.trim(problem, alone, vehicle),
         "lift_kept": with_lift_kept(problem, alone, inflation),

@@ -49,6 +49,8 @@ def _corrections(result: Mapping[str, Any]) -> list[str]:
             continue
         share = f" ({item['percent']:+.1f} % of {item['vehicle_value']:.5g})" if math.isfinite(item["percent"]) else ""
         lines.append(f"    {item['symbol']:<7} {_number(item['value'], item['std'])} {item['unit']}{share}")
+        low, high = (f"{end:+.4g}" if math.isfinite(end) else "open" for end in item["interval_95"])
+        lines.append(f"            95 % interval {low} to {high}")
         if math.isfinite(item["bootstrap_std"]):
             lines.append(f"            bootstrap +/- {item['bootstrap_std']:.4g}")
         prior = f" (prior 0 +/- {item['prior_std']:.4g})" if math.isfinite(item["prior_std"]) else " (no prior)"

@@ -12,8 +12,8 @@ from pipeline.report.fitting.regression import Problem, Solution, solve
 
 #: Resamples of the bootstrap, and the dives that it takes at least.
 RESAMPLES, LEAST_DIVES = 400, 5
-#: Profile likelihood: points on either side together, and how far out, in 1-sigma.
-PROFILE, REACH = 13, 3.0
+#: Profile likelihood: points on either side together, how far out, in 1-sigma, and how far where an end is not met.
+PROFILE, REACH, FURTHEST = 13, 3.0, 12.0
 #: Δχ² of a 95 % interval, and the probability below which residuals are called coloured or too large.
 HALF_WIDTH, DOUBTED = 3.841458820694124, 0.025
 
@@ -125,27 +125,37 @@ def profile(problem: Problem, solution: Solution, place: int, *, inflation: floa
     Returns
     -------
     dict
-        ``value`` and ``delta_chi_square`` along the profile; ``interval_95``, its ends NaN where the profile does not
-        reach Δχ² = 3.84 within three 1-sigma.
+        ``value`` and ``delta_chi_square`` along the profile, over three 1-sigma on either side and further where the
+        interval ends further out; ``interval_95``, an end NaN where the profile does not reach Δχ² = 3.84.
     """
     std = math.sqrt(solution.covariance[place, place])
     least = solution.chi_square + solution.penalty
     direction = solution.covariance[:, place] / std
-    values, rises = [], []
-    for t in np.linspace(-REACH, REACH, PROFILE):
+
+    def rise(t: float) -> tuple[float, float]:
         start = solution.x + direction * (t * inflation)
         found = solve(problem, weights=solution.weights, start=start, held=(place,)) if t else solution
-        values.append(float(start[place]))
-        rise = math.nan if found is None or not found.converged else found.chi_square + found.penalty - least
-        rises.append(max(rise, 0.0) / inflation**2)
-    middle = PROFILE // 2
-    low = _crossing(values[middle::-1], rises[middle::-1])
-    high = _crossing(values[middle:], rises[middle:])
-    return {"value": values, "delta_chi_square": rises, "interval_95": [low, high]}
+        lost = found is None or not found.converged
+        worse = math.nan if found is None or lost else max(found.chi_square + found.penalty - least, 0.0)
+        return float(start[place]), worse / inflation**2
+
+    steps = np.linspace(0.0, REACH, PROFILE // 2 + 1)
+    sides = []
+    for sign in (-1.0, 1.0):
+        side = [rise(sign * t) for t in steps]
+        for t in np.arange(REACH + 1.0, FURTHEST + 1.0):
+            if not (math.isnan(_crossing(side)) and math.isfinite(side[-1][1])):
+                break
+            side.append(rise(sign * t))
+        sides.append(side)
+    ends = [_crossing(side) for side in sides]
+    values, rises = zip(*sides[0][:0:-1], *sides[1], strict=True)
+    return {"value": list(values), "delta_chi_square": list(rises), "interval_95": ends}
 
 
-def _crossing(values: list[float], rises: list[float]) -> float:
+def _crossing(side: list[tuple[float, float]]) -> float:
     """Return where √Δχ² first reaches that of a 95 % interval, from the least outwards; NaN where it does not."""
+    values, rises = zip(*side, strict=True)
     root, limit = np.sqrt(rises), math.sqrt(HALF_WIDTH)
     for k in range(1, len(values)):
         if root[k] >= limit > root[k - 1]:

@@ -1,6 +1,7 @@
 """Colour, bootstrap and profiles against statsmodels, theory and each other."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from pipeline.report.fitting.fit import FREE, fit, solvable
 from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.regression import solve
 from pipeline.report.fitting.uncertainty import HALF_WIDTH, bootstrap, colour, profile
+
+#: Missions flown for a coverage.
+SEEDS = 400
 
 
 def coloured(share: float, n: int = 400, seed: int = 3) -> np.ndarray:
@@ -91,6 +95,32 @@ def test_profile_of_a_nearly_linear_correction_is_the_parabola_of_its_1_sigma(ex
     np.testing.assert_allclose(found["delta_chi_square"], expected, rtol=0.05, atol=0.02)
     low, high = found["interval_95"]
     assert (high - low) / (2.0 * std) == pytest.approx(math.sqrt(HALF_WIDTH), rel=0.03)
+
+
+def test_an_interval_that_ends_beyond_three_1_sigma_is_followed_to_its_end(exact):
+    problem, solution = solved(exact, dives=12)
+    # A 1-sigma said to be a fifth of what it is: the profile has to go five times as far.
+    shrunken = replace(solution, covariance=solution.covariance / 25.0)
+    found, wanted = (profile(problem, each, 0) for each in (shrunken, solution))
+    assert found["interval_95"] == pytest.approx(wanted["interval_95"], rel=0.02)
+    assert len(found["value"]) == len(found["delta_chi_square"]) > len(wanted["value"]) == 13
+
+
+def test_where_theory_bends_the_profile_holds_the_truth_as_often_as_it_says_and_the_1_sigma_does_not(exact):
+    # V goes with the root of drag: where water leaves drag open by half, its error is far from normal.
+    water = {"sigma_w": 0.08, "tau_w": 300.0}
+    by_profile = by_std = 0
+    for seed in range(SEEDS):
+        table = blocks(dives=1, each=1, sides=(-1, 1), sigma_w=water["sigma_w"], seed=seed)
+        made, _ = solvable(table, exact, Given(water, ballast_std=0.0, pitch_std=0.0))
+        problem = made.freeing(("parasite_drag",))
+        solution = solve(problem)
+        low, high = profile(problem, solution, 0)["interval_95"]
+        by_profile += not (low > 0.0 or high < 0.0)
+        by_std += abs(solution.x[0]) < 1.96 * math.sqrt(solution.covariance[0, 0])
+    error = math.sqrt(0.95 * 0.05 / SEEDS)
+    assert by_profile / SEEDS == pytest.approx(0.95, abs=3.0 * error)
+    assert by_std / SEEDS < 0.95 - 2.0 * error
 
 
 def test_scatter_that_widens_the_1_sigma_widens_the_profile(exact):
