@@ -137,6 +137,8 @@ BLOCKS = (
     Column("buoyancy_by_lag", "N/s", "change of net_buoyancy per time constant of the hull's temperature"),
     Column("propeller_speed", "rev/s", "mean propeller speed"),
     Column("propeller_speed_std", "rev/s", "1-sigma of propeller_speed"),
+    Column("propeller_power", "W", "propeller power, constant, of the same mean thrust"),
+    Column("propeller_power_std", "W", "1-sigma of propeller_power"),
     Column("battery_position", "m", "mean battery position, forward positive"),
     Column("battery_position_std", "m", "1-sigma of battery_position"),
     Column("density", "kg/m3", "mean in-situ density"),

@@ -15,7 +15,7 @@ from pipeline.estimate.forcing import lagged
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
-from pipeline.model.forces import HULL_TIME_BEFORE, PASCAL_PER_DBAR, net_buoyancy
+from pipeline.model.forces import HULL_TIME_BEFORE, PASCAL_PER_DBAR, net_buoyancy, power_for, thrust_by_power
 from pipeline.records import BLOCKS, conform, seconds, usable
 from pipeline.vehicle import Vehicle
 
@@ -56,7 +56,7 @@ def means(
     stamps, dives, reasons = records["time"].array, records["dive"].to_numpy(), estimates["reason"]
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
     gravity = float(gsw.grav(latitude(records, mission), 0.0))
-    rotation = records["propeller_speed"].ffill().to_numpy()
+    rotation, power = (records[name].ffill().to_numpy() for name in ("propeller_speed", "propeller_power"))
     lag = _lag(time, records["temperature"].to_numpy())
     rows: list[dict[str, Any]] = []
     lent = borrowed_std(mission, records)
@@ -84,7 +84,8 @@ def means(
         row |= _depth_rate(part, time[inside])
         row |= _water(part, lent)
         row |= _sensor(part)
-        row |= _settings(part, rotation[inside], row["powered"])
+        row |= _battery(part)
+        row |= _propeller(rotation[inside], power[inside], row, vehicle)
         row |= _buoyancy(part, engine[inside], float(lag[inside].mean()), body, vehicle, gravity)
         level = row["powered"] and abs(row["pitch"]) < LEVEL
         row["direction"] = 0 if level or np.isnan(row["depth_rate"]) else int(-np.sign(row["depth_rate"]))
@@ -159,15 +160,36 @@ def _sensor(part: _Values) -> dict[str, float]:
     }
 
 
-def _settings(part: _Values, rotation: np.ndarray, driven: bool) -> dict[str, float]:
-    row = {"propeller_speed": 0.0, "propeller_speed_std": 0.0}
-    if driven:
-        row = {"propeller_speed": float(np.mean(rotation)), "propeller_speed_std": float(np.std(rotation))}
+def _battery(part: _Values) -> dict[str, float]:
     position = _known(part["battery_position"])
-    if position.size:
-        row["battery_position"] = float(position.mean())
-        row["battery_position_std"] = float(position.std() / np.sqrt(position.size))
-    return row
+    if not position.size:
+        return {}
+    return {
+        "battery_position": float(position.mean()),
+        "battery_position_std": float(position.std() / np.sqrt(position.size)),
+    }
+
+
+def _propeller(rotation: np.ndarray, power: np.ndarray, row: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]:
+    """Return mean speed of the propeller, and the constant power that gives the mean thrust, at the block's speed.
+
+    Thrust is less than proportional to power: a propeller at half power is more than half as strong. Where the vehicle
+    has no law of thrust by power the power is the mean.
+    """
+    names = ("propeller_speed", "propeller_power")
+    if not row["powered"]:
+        return {f"{name}{kind}": 0.0 for name in names for kind in ("", "_std")}
+    mean, disk = float(np.mean(power)), vehicle.disk
+    speed, density = float(np.nan_to_num(row.get("speed", 0.0))), row["density"]
+    if disk is not None and density > 0.0:
+        thrust, _, _ = thrust_by_power(disk, density, np.maximum(power, 0.0), speed)
+        mean = float(power_for(disk, density, thrust.mean(), speed))
+    return {
+        "propeller_speed": float(np.mean(rotation)),
+        "propeller_speed_std": float(np.std(rotation)),
+        "propeller_power": mean,
+        "propeller_power_std": float(np.std(power) / np.sqrt(power.size)),
+    }
 
 
 def _buoyancy(

@@ -18,7 +18,7 @@ from pipeline.model.forces import (
     HULL_TIME_BEFORE,
     HULL_TIME_STD,
     NO_DISK,
-    disk_thrust,
+    disk_thrust_std,
     propeller_of,
 )
 from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
@@ -139,7 +139,8 @@ def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndar
     speed = np.concatenate(speeds)
     power = np.concatenate([force.propeller_power for force in forces])
     if (power > 0.0).any():
-        return _disk_std(craft, *(float(np.median(value[power > 0.0])) for value in (power, speed)))
+        typical = (float(np.median(value[power > 0.0])) for value in (power, speed))
+        return float(disk_thrust_std(craft.disk, craft.disk_std, craft.density, *typical))
     rotation = np.concatenate([force.propeller_speed for force in forces])
     turning = np.abs(rotation) > 0.0
     if not turning.any() or not std_1 + std_2 > 0.0:
@@ -158,15 +159,3 @@ def _thrust_std(vehicle: Vehicle) -> float:
         math.hypot(*(vehicle.std(name) / vehicle[name] for name in ("propeller_diameter", "propulsive_efficiency")))
         / 1.5
     )
-
-
-def _disk_std(craft: Craft, power: float, speed: float) -> float:
-    """Return the relative 1-sigma of thrust by power, by steps of a tenth of the 1-sigma of η and D."""
-    here, _ = disk_thrust(craft.disk, craft.density, power, speed)
-    changes = []
-    for name, std in craft.disk_std._asdict().items():
-        moved, _ = disk_thrust(
-            craft.disk._replace(**{name: getattr(craft.disk, name) + 0.1 * std}), craft.density, power, speed
-        )
-        changes.append(10.0 * (moved / here - 1.0))
-    return math.hypot(*changes)

@@ -1,6 +1,6 @@
 """Compiled solvers of the steady force balance; `steady` is their public face.
 
-Without pitch rate and acceleration, with the density ratio r and thrust T = a + b V:
+Without pitch rate and acceleration, with the density ratio r and thrust T = a + b V (by power, T's tangent):
 
     G sin γ = r D(V, α) - T cos α,    G cos γ = -(r L(V, α) + s T sin α)
 
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from pipeline.model.descent import ALPHA_LIMIT as ALPHA_LIMIT
 from pipeline.model.descent import SEARCH_LIMIT, descend, out_of_reach
-from pipeline.model.forces import drag, lift
-from pipeline.vehicle import Polar
+from pipeline.model.forces import disk_thrust, drag, lift
+from pipeline.vehicle import Disk, Polar
 
 FIXED_ALPHA = 0
 HELD_PITCH = 1
 
 _STEPS = 48
+_TANGENTS = 30
 _GOLDEN = 0.3819660112501051
 
 
@@ -184,6 +185,56 @@ def largest_speed(
 
 
 @njit(cache=True, error_model="numpy")
+def largest_speed_driven(
+    mode: int,
+    held: float,
+    polar: Polar,
+    ratio: float,
+    push: float,
+    pull: float,
+    disk: Disk,
+    density: float,
+    power: float,
+    factor: float,
+    net_buoyancy: float,
+    sign: float,
+) -> tuple[float, float, float, float]:
+    """Return the largest speed in balance and α, and thrust at rest and its slope by the straight line that touches it.
+
+    Thrust by power bends, T''(V) > 0: it lies above every line that touches it, so that with the line at one speed
+    the next is found from below, as by Newton's method. The first line is that at a speed above all roots.
+
+    Parameters
+    ----------
+    disk, density, power, factor
+        Thrust by power, and the factor on it; added to `push` + `pull` V, which hold the factor already.
+    mode, held, polar, ratio, push, pull, net_buoyancy, sign
+        As for `residual`.
+    """
+    if not power > 0.0:
+        speed, alpha = largest_speed(mode, held, polar, ratio, push, pull, net_buoyancy, sign)
+        return speed, alpha, push, pull
+    at_rest, _ = disk_thrust(disk, density, power, 0.0)
+    most = push + factor * at_rest
+    top = ceiling(polar, ratio, abs(net_buoyancy) + abs(most), pull)
+    here, slope = disk_thrust(disk, density, power, top)
+    line_push, line_pull = push + factor * (here - slope * top), pull + factor * slope
+    speed, alpha = largest_speed(mode, held, polar, ratio, line_push, line_pull, net_buoyancy, sign)
+    if math.isnan(speed):  # the least thrust may be too little, and the most too much
+        speed, alpha = largest_speed(mode, held, polar, ratio, most, pull, net_buoyancy, sign)
+    for _ in range(_TANGENTS):
+        if math.isnan(speed):
+            break
+        before = speed
+        here, slope = disk_thrust(disk, density, power, speed)
+        line_push, line_pull = push + factor * (here - slope * speed), pull + factor * slope
+        speed, alpha = largest_speed(mode, held, polar, ratio, line_push, line_pull, net_buoyancy, sign)
+        if abs(speed - before) <= 1e-9 * speed:
+            break
+    return speed, alpha, line_push, line_pull
+
+
+@njit(cache=True, error_model="numpy")
 def _dip(
     mode: int,
     low: float,
@@ -264,33 +315,38 @@ def solve(
     ratio: NDArray[np.float64],
     push: NDArray[np.float64],
     pull: NDArray[np.float64],
+    disk: Disk,
+    density: NDArray[np.float64],
+    power: NDArray[np.float64],
     net_buoyancy: NDArray[np.float64],
     sign: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return speed [m/s], path angle and angle of attack [rad], each of shape (n,); NaN where nothing balances.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return speed [m/s], path angle, angle of attack [rad] and thrust [N], shape (n,); NaN where nothing balances.
 
-    Array arguments have shape (n,) and are finite or NaN; meanings as for `residual`.
+    Array arguments have shape (n,) and are finite or NaN; meanings as for `residual` and `largest_speed_driven`.
     """
     count = held.size
     speed = np.full(count, np.nan)
+    thrust = np.full(count, np.nan)
     path_angle = np.full(count, np.nan)
     alpha = np.full(count, np.nan)
     for i in range(count):
-        size = abs(net_buoyancy[i]) + abs(push[i])
+        size = abs(net_buoyancy[i]) + abs(push[i]) + power[i]
         if not (size > 0.0 and ratio[i] > 0.0) or math.isnan(held[i]) or math.isnan(pull[i]):
             continue
         if mode == FIXED_ALPHA and net_buoyancy[i] == 0.0:
             continue
-        v, a = largest_speed(mode, held[i], polar, ratio[i], push[i], pull[i], net_buoyancy[i], sign)
+        v, a, at_rest, slope = largest_speed_driven(
+            mode, held[i], polar, ratio[i], push[i], pull[i], disk, density[i], power[i], 1.0, net_buoyancy[i], sign
+        )
         if not (v > 0.0 and (mode == FIXED_ALPHA or abs(a) <= ALPHA_LIMIT)):
             continue
-        speed[i], alpha[i] = v, a
+        speed[i], alpha[i], thrust[i] = v, a, at_rest + slope * v
         if mode == HELD_PITCH:
             path_angle[i] = held[i] - a
         else:
-            thrust = push[i] + pull[i] * v
             up = math.copysign(1.0, net_buoyancy[i])
-            along = ratio[i] * drag(polar, v, a) - thrust * math.cos(a)
-            across = ratio[i] * lift(polar, v, a) + sign * thrust * math.sin(a)
+            along = ratio[i] * drag(polar, v, a) - thrust[i] * math.cos(a)
+            across = ratio[i] * lift(polar, v, a) + sign * thrust[i] * math.sin(a)
             path_angle[i] = math.atan2(up * along, -up * across)
-    return speed, path_angle, alpha
+    return speed, path_angle, alpha, thrust

@@ -35,6 +35,7 @@ class Case:
     ratio: Array
     density: Array
     propeller_speed: Array
+    propeller_power: Array
     no_thrust_law: NDArray[np.bool_]
 
     def repeated(self, count: int) -> Case:
@@ -55,6 +56,7 @@ class Case:
         held: ArrayLike,
         thrust: ArrayLike | None,
         propeller_speed: ArrayLike | None,
+        propeller_power: ArrayLike | None,
         density: ArrayLike | None,
     ) -> Case:
         """Return the inputs of `steady_state` and its kin as one case each.
@@ -62,36 +64,43 @@ class Case:
         Raises
         ------
         ValueError
-            If both thrust and propeller speed are given, a density is not positive, or a speed looks like rpm.
+            If both thrust and speed or power of the propeller are given, a density is not positive, a power is
+            negative, or a speed looks like rpm.
         """
-        if thrust is not None and propeller_speed is not None:
-            raise ValueError("found both thrust and propeller_speed; give one of them")
+        for name, driving in (("propeller_speed", propeller_speed), ("propeller_power", propeller_power)):
+            if thrust is not None and driving is not None:
+                raise ValueError(f"found both thrust and {name}; give one of them")
         reference = vehicle["reference_density"]
         arrays = np.broadcast_arrays(
             np.asarray(net_buoyancy, dtype=np.float64),
             np.asarray(held, dtype=np.float64),
             np.asarray(0.0 if thrust is None else thrust, dtype=np.float64),
             np.asarray(0.0 if propeller_speed is None else propeller_speed, dtype=np.float64),
+            np.asarray(0.0 if propeller_power is None else propeller_power, dtype=np.float64),
             np.asarray(reference if density is None else density, dtype=np.float64),
         )
         shape = arrays[0].shape
-        buoyancy, angle, given, turning, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
+        buoyancy, angle, given, turning, power, actual = (np.array(array, dtype=np.float64).ravel() for array in arrays)
         refuse("density", actual, actual <= 0.0, "a positive number of kg/m3")
         refuse("propeller_speed", turning, np.abs(turning) > MAX_PROPELLER_SPEED, SPEED_EXPECTED)
+        refuse("propeller_power", power, power < 0.0, "0 W or more")
         law = propeller_of(vehicle)
         flow = actual * law.diameter**3 * turning
         push = np.where(turning == 0.0, given, flow * law.thrust_static * law.diameter * turning)
-        missing = (turning != 0.0) & (vehicle.propeller is None)
-        return cls(shape, buoyancy, angle, push, flow * law.thrust_slope, actual / reference, actual, turning, missing)
+        missing = (turning != 0.0) & (vehicle.propeller is None) | (power != 0.0) & (vehicle.disk is None)
+        pull, ratio = flow * law.thrust_slope, actual / reference
+        return cls(shape, buoyancy, angle, push, pull, ratio, actual, turning, power, missing)
 
     def reason(self, unusable: str, held: str) -> NDArray[Any]:
         """Return why a case cannot be computed at all, "" where it can, shape (n,)."""
         reason = np.full(self.size, "", dtype=object)
-        reason[(self.net_buoyancy == 0.0) & (self.push == 0.0)] = "no equilibrium: neither net buoyancy nor thrust"
+        idle = (self.push == 0.0) & (self.propeller_power == 0.0)
+        reason[(self.net_buoyancy == 0.0) & idle] = "no equilibrium: neither net buoyancy nor thrust"
         reason[self.no_thrust_law] = NO_THRUST_LAW
         for name, values in (
             ("density", self.density),
             ("propeller_speed or thrust", self.push),
+            ("propeller_power", self.propeller_power),
             (held, self.held),
             ("net_buoyancy", self.net_buoyancy),
         ):
@@ -99,6 +108,30 @@ class Case:
         if unusable:
             reason[:] = unusable
         return reason
+
+
+def driven(
+    vehicle: Vehicle, powered: NDArray[np.bool_], propeller_speed: Array, propeller_power: Array
+) -> tuple[Array, Array]:
+    """Return speed [rev/s] and power [W] of the propeller that thrust follows from: both 0 where it does not turn.
+
+    By speed where that is known and the vehicle has a law for it, or else by power, if that is known: then the speed
+    is 0, and otherwise the power. Both NaN where thrust does not follow from what is known.
+
+    Parameters
+    ----------
+    vehicle
+        Gives the laws.
+    powered
+        Whether the propeller turns, shape (n,).
+    propeller_speed, propeller_power
+        As logged, shape (n,), NaN where they are not.
+    """
+    by_speed = np.isfinite(propeller_speed) & (vehicle.propeller is not None)
+    by_power = ~by_speed & np.isfinite(propeller_power) & (vehicle.disk is not None)
+    speed = np.where(by_speed, propeller_speed, np.where(by_power, 0.0, np.nan))
+    power = np.where(by_power, propeller_power, np.where(by_speed, 0.0, np.nan))
+    return np.where(powered, speed, 0.0), np.where(powered, power, 0.0)
 
 
 def plain(vehicle: Vehicle) -> Polar:

@@ -35,6 +35,11 @@ def propeller_of(vehicle: Vehicle) -> Propeller:
     return vehicle.propeller or NO_PROPELLER
 
 
+def disk_of(vehicle: Vehicle) -> Disk:
+    """Return the law of thrust by power of `vehicle` for the compiled kernels; `NO_DISK` where it has none."""
+    return vehicle.disk or NO_DISK
+
+
 @njit(cache=True, error_model="numpy")
 def lift(polar: Polar, speed: float, alpha: float) -> float:
     """Return the lift, N at the reference density: L = (K_L0 + K_L α) V², Eq. (5).
@@ -117,6 +122,85 @@ def disk_thrust(disk: Disk, density: float, power: float, speed: float) -> tuple
         if abs(step) < 1e-14 * through:
             break
     return useful / through, -useful / (through * (3.0 * through - 2.0 * inflow))
+
+
+def thrust_by_power(
+    disk: Disk, density: ArrayLike, power: ArrayLike, speed: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return `disk_thrust` of arrays, and the exponent e with which it goes with power and efficiency: T ~ (η P)^e.
+
+    With the disk's area times the density it goes as 1 - e, with its diameter as 2 (1 - e); e is 2/3 at rest, 1 fast.
+
+    Parameters
+    ----------
+    disk, density, power, speed
+        As for `disk_thrust`; arrays that broadcast, to the shape of the results.
+    """
+    shape = np.broadcast_shapes(*(np.shape(values) for values in (density, power, speed)))
+    rho, watt, v = (np.broadcast_to(np.asarray(x, dtype=np.float64), shape).ravel() for x in (density, power, speed))
+    newton, slope = _disk_thrusts(disk, rho, watt, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        through = disk.efficiency * watt / newton  # V + v
+        exponent = np.where(newton > 0.0, (2.0 * through - v) / (3.0 * through - 2.0 * v), 1.0)
+    return newton.reshape(shape), slope.reshape(shape), exponent.reshape(shape)
+
+
+@njit(cache=True, error_model="numpy")
+def _disk_thrusts(
+    disk: Disk, density: NDArray[np.float64], power: NDArray[np.float64], speed: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `disk_thrust` of arrays of shape (n,); NaN where power or speed is."""
+    newton, slope = np.empty(power.size), np.empty(power.size)
+    for i in range(power.size):
+        newton[i], slope[i] = disk_thrust(disk, density[i], power[i], speed[i])
+        if math.isnan(power[i]) or math.isnan(speed[i]):
+            newton[i], slope[i] = math.nan, math.nan
+    return newton, slope
+
+
+def power_for(disk: Disk, density: ArrayLike, newton: ArrayLike, speed: ArrayLike) -> NDArray[np.float64]:
+    """Return the power, W, that gives a thrust: the inverse of `disk_thrust`, arguments as there, thrust in N."""
+    force, v = np.asarray(newton, dtype=np.float64), np.maximum(np.asarray(speed, dtype=np.float64), 0.0)
+    area = 0.25 * math.pi * disk.diameter**2
+    through = 0.5 * v + np.sqrt(0.25 * v**2 + force / (2.0 * np.asarray(density, dtype=np.float64) * area))
+    return np.asarray(force * through / disk.efficiency)
+
+
+def relative_thrust_std(
+    vehicle: Vehicle, density: ArrayLike, power: ArrayLike, speed: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the relative 1-sigma of thrust: that of K_1, or, where it follows from power, of η and D; NaN if unknown.
+
+    Parameters
+    ----------
+    vehicle
+        Gives the laws and the 1-sigma of their coefficients.
+    density, power, speed
+        kg/m³, W (0 where thrust does not follow from it) and m/s; arrays that broadcast, to the shape of the result.
+    """
+    by_speed = vehicle.std("thrust_static") / abs(vehicle["thrust_static"] or math.nan)
+    if vehicle.disk is None:
+        return np.full(np.broadcast_shapes(*(np.shape(values) for values in (density, power, speed))), by_speed)
+    std = Disk(vehicle.std("propeller_diameter"), vehicle.std("propulsive_efficiency"))
+    by_power = disk_thrust_std(vehicle.disk, std, density, power, speed)
+    return np.where(np.asarray(power, dtype=np.float64) > 0.0, by_power, by_speed)
+
+
+def disk_thrust_std(
+    disk: Disk, std: Disk, density: ArrayLike, power: ArrayLike, speed: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the relative 1-sigma of thrust by power: T ~ η^e D^(2 - 2e), see `thrust_by_power`.
+
+    Parameters
+    ----------
+    disk, std
+        Diameter and efficiency, and their 1-sigma.
+    density, power, speed
+        As for `disk_thrust`; arrays that broadcast, to the shape of the result.
+    """
+    _, _, exponent = thrust_by_power(disk, density, power, speed)
+    efficiency, diameter = std.efficiency / disk.efficiency, std.diameter / disk.diameter
+    return np.asarray(np.hypot(exponent * efficiency, 2.0 * (1.0 - exponent) * diameter))
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.model.case import MAX_PROPELLER_SPEED
+from pipeline.model.case import MAX_PROPELLER_SPEED, NO_THRUST_LAW, driven
+from pipeline.model.forces import relative_thrust_std
 from pipeline.model.sensitivity import Slope, Trim, sensitivities
 from pipeline.model.stability import stable_range
 from pipeline.model.steady import (
@@ -34,8 +35,9 @@ _STEP = 0.05  # of a 1-sigma, for the central differences of `nominal`
 def predict(vehicle: Vehicle, blocks: pd.DataFrame) -> pd.DataFrame:
     """Return the predicted steady flight of each block for each trim of `records.TRIMS`.
 
-    The 1-sigma come from those of the coefficients (thrust as one factor with the relative 1-sigma of K_1) and of
-    the block's pitch, net buoyancy, propeller speed and battery position, taken as independent, to first order.
+    The 1-sigma come from those of the coefficients (thrust as one factor, see `forces.relative_thrust_std`) and of
+    the block's pitch, net buoyancy, propeller speed or power and battery position, taken as independent, to first
+    order. Thrust follows from the propeller's power where it does not from its speed, see `case.driven`.
     The stable range and its verdict are in physical signs, at the predicted angle of attack and thrust.
 
     Parameters
@@ -51,7 +53,7 @@ def predict(vehicle: Vehicle, blocks: pd.DataFrame) -> pd.DataFrame:
         Table `records.PREDICTIONS`, one row per block and trim, in the order of `blocks`; NaN with a reason where
         the trim cannot be had.
     """
-    inputs = _Inputs.of(blocks)
+    inputs = _Inputs.of(vehicle, blocks)
     frames = [_predict_trim(trim, vehicle, inputs) for trim in ("pitch", "battery", "fixed_alpha")]
     order = np.arange(len(blocks) * len(TRIMS)).reshape(len(TRIMS), -1).T.ravel()
     return pd.concat(frames, ignore_index=True).iloc[order].reset_index(drop=True)
@@ -158,7 +160,7 @@ def _errors(vehicle: Vehicle) -> list[tuple[dict[str, float], float]]:
     single = [name for name in vehicle.coefficients if name not in _THRUST and not math.isnan(vehicle[name])]
     errors = [({name: vehicle.std(name)}, vehicle.std(name)) for name in single]
     if vehicle.propeller is not None:
-        relative = thrust_scale_std(vehicle)
+        relative = float(relative_thrust_std(vehicle, vehicle["reference_density"], 0.0, 0.0))
         errors.append(({name: relative * vehicle[name] for name in _THRUST}, relative))
     return errors
 
@@ -185,11 +187,6 @@ def free_angle_of_attack(vehicle: Vehicle) -> tuple[float, str]:
     return alpha, ""
 
 
-def thrust_scale_std(vehicle: Vehicle) -> float:
-    """Return the 1-sigma of a common factor on thrust: the relative 1-sigma of K_1; NaN where unknown."""
-    return vehicle.std("thrust_static") / abs(vehicle["thrust_static"])
-
-
 @dataclass(frozen=True)
 class _Inputs:
     """Columns of the blocks as the theory takes them, and why a block cannot be computed at all."""
@@ -198,36 +195,42 @@ class _Inputs:
     net_buoyancy: Array
     pitch: Array
     propeller_speed: Array
+    propeller_power: Array
     battery_position: Array
     density: Array
     std: dict[str, Array]
     reason: NDArray[Any]
 
     @classmethod
-    def of(cls, blocks: pd.DataFrame) -> _Inputs:
-        """Return the inputs of `blocks`; a propeller that does not turn has speed 0, absurd values are NaN."""
+    def of(cls, vehicle: Vehicle, blocks: pd.DataFrame) -> _Inputs:
+        """Return the inputs of `blocks`; speed and power of a propeller that stands still are 0, absurd values NaN."""
 
         def column(name: str) -> Array:
             return blocks[name].to_numpy(dtype=np.float64, na_value=np.nan)
 
         density, pitch = column("density"), column("pitch")
-        turning = np.where(blocks["powered"].to_numpy(dtype=bool), column("propeller_speed"), 0.0)
+        powered, logged = blocks["powered"].to_numpy(dtype=bool), column("propeller_speed")
+        turning, power = driven(vehicle, powered, logged, column("propeller_power"))
         fast = np.abs(turning) > MAX_PROPELLER_SPEED
         steep = np.abs(pitch) > 0.5 * math.pi
         reason: NDArray[Any] = np.full(len(blocks), "", dtype=object)
         reason[steep] = "pitch beyond 90 degrees: degrees for radians?"
         reason[fast] = f"propeller speed above {MAX_PROPELLER_SPEED:g} rev/s: rpm for rev/s?"
-        reason[np.isnan(turning)] = "powered, but no propeller speed is known"
+        nothing = np.isnan(logged) & np.isnan(column("propeller_power"))
+        reason[np.isnan(turning)] = NO_THRUST_LAW
+        reason[np.isnan(turning) & nothing] = "powered, but neither speed nor power of the propeller is known"
         reason[~(density > 0.0)] = "density is missing or not positive"
         return cls(
             block=blocks["block"].to_numpy(),
             net_buoyancy=column("net_buoyancy"),
             pitch=np.where(steep, np.nan, pitch),
             propeller_speed=np.where(fast, np.nan, turning),
+            propeller_power=power,
             battery_position=column("battery_position"),
             density=np.where(density > 0.0, density, np.nan),
             std={
-                name: column(f"{name}_std") for name in ("net_buoyancy", "pitch", "propeller_speed", "battery_position")
+                name: column(f"{name}_std")
+                for name in ("net_buoyancy", "pitch", "propeller_speed", "propeller_power", "battery_position")
             },
             reason=reason,
         )
@@ -243,10 +246,12 @@ def _predict_trim(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> pd.DataFrame
         state.path_angle,
         state.angle_of_attack,
         propeller_speed=inputs.propeller_speed,
+        propeller_power=inputs.propeller_power,
         density=inputs.density,
         battery_position=inputs.battery_position,
     )
-    deviation = _deviations(slopes, vehicle, inputs)
+    thrust_std = relative_thrust_std(vehicle, inputs.density, inputs.propeller_power, state.speed)
+    deviation = _deviations(slopes, vehicle, inputs, thrust_std)
     limits = stable_range(vehicle, inputs.net_buoyancy, state.angle_of_attack, state.thrust, density=inputs.density)
     known = np.isfinite(state.speed)
     frame = pd.DataFrame(
@@ -271,24 +276,29 @@ def _predict_trim(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> pd.DataFrame
 
 def _state(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> tuple[Steady, NDArray[Any]]:
     """Return the steady flight of each block and the reasons, the block's own before the trim's."""
-    g, n, rho = inputs.net_buoyancy, inputs.propeller_speed, inputs.density
+    g, n, power, rho = inputs.net_buoyancy, inputs.propeller_speed, inputs.propeller_power, inputs.density
     first: str | NDArray[Any] = ""
     if trim == "pitch":
-        state = trim_at_pitch(vehicle, g, inputs.pitch, propeller_speed=n, density=rho)
+        state = trim_at_pitch(vehicle, g, inputs.pitch, propeller_speed=n, propeller_power=power, density=rho)
     elif trim == "fixed_alpha":
         alpha, first = free_angle_of_attack(vehicle)
-        state = steady_state(vehicle, g, np.full_like(g, alpha), propeller_speed=n, density=rho)
+        held = np.full_like(g, alpha)
+        state = steady_state(vehicle, g, held, propeller_speed=n, propeller_power=power, density=rho)
     else:
         if math.isnan(vehicle["battery_mass"]):
             first = "the vehicle file gives no battery mass"
         else:
             first = np.where(np.isnan(inputs.battery_position), "no battery position is logged", "")
-        state = trim_at_moment(vehicle, g, battery_position=inputs.battery_position, propeller_speed=n, density=rho)
+            first = np.where(power > 0.0, "dynamics, and so a stable trim, know thrust by propeller speed alone", first)
+        by_speed = np.where(power > 0.0, np.nan, n)
+        state = trim_at_moment(
+            vehicle, g, battery_position=inputs.battery_position, propeller_speed=by_speed, density=rho
+        )
     reason = np.where(inputs.reason != "", inputs.reason, np.where(np.asarray(first) != "", first, state.reason))
     return state, np.where(np.isnan(state.speed), reason, "")
 
 
-def _deviations(slopes: dict[str, Slope], vehicle: Vehicle, inputs: _Inputs) -> dict[str, Array]:
+def _deviations(slopes: dict[str, Slope], vehicle: Vehicle, inputs: _Inputs, thrust_std: Array) -> dict[str, Array]:
     """Return the 1-sigma of speed, path angle, angle of attack and pitch, m/s and rad, shape (n,) each."""
     variance: dict[str, Array] = {}
     for name in (*Slope._fields, "pitch"):
@@ -297,7 +307,7 @@ def _deviations(slopes: dict[str, Slope], vehicle: Vehicle, inputs: _Inputs) -> 
             if parameter in inputs.std:
                 std: Array | float = inputs.std[parameter]
             elif parameter == "thrust_scale":
-                std = thrust_scale_std(vehicle)
+                std = thrust_std
             else:
                 std = vehicle.std(parameter)
             gradient = getattr(slope, name)

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.model.forces import GRAVITY, propeller_of
+from pipeline.model.forces import GRAVITY, disk_of, propeller_of, thrust_by_power
 from pipeline.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ def sensitivities(
     angle_of_attack: ArrayLike,
     *,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
     battery_position: ArrayLike | None = None,
     moment_cos: ArrayLike | None = None,
@@ -50,12 +51,12 @@ def sensitivities(
     """Return ∂(V, γ, α)/∂p at a known equilibrium for every parameter p that the trim depends on.
 
     Always: ``parasite_drag``, ``lift_slope``, ``lift_at_zero``, ``induced_drag``, ``thrust_scale`` (a factor on
-    thrust, at 1), ``net_buoyancy``, ``propeller_speed``. Held pitch: ``pitch``. Held α_e = -K_M0/K_M:
-    ``moment_at_zero``, ``moment_slope``; any other: ``angle_of_attack``. Moment balance: the first two,
-    ``mass_forward``, ``mass_normal``, ``righting_moment``, ``battery_mass``, ``battery_neutral_position``,
+    thrust, at 1), ``net_buoyancy``, ``propeller_speed``; ``propeller_power`` if it is given. Held pitch: ``pitch``.
+    Held α_e = -K_M0/K_M: ``moment_at_zero``, ``moment_slope``; any other: ``angle_of_attack``. Moment balance: the
+    first two, ``mass_forward``, ``mass_normal``, ``righting_moment``, ``battery_mass``, ``battery_neutral_position``,
     ``battery_position``, or ``moment_cos`` in place of the last three. With `every` also ``drag_exponent``,
     ``thrust_static``, ``thrust_slope``, ``propeller_diameter``, ``reference_density`` and, where they are given,
-    ``density`` and ``thrust``: all coefficients singly, where ``thrust_scale`` lumps.
+    ``density`` and ``thrust``: all coefficients singly, where ``thrust_scale`` lumps; not for thrust by power.
 
     Parameters
     ----------
@@ -65,8 +66,8 @@ def sensitivities(
         Vehicle of the equilibrium.
     net_buoyancy, speed, path_angle, angle_of_attack
         The equilibrium: G [N], V [m/s], γ, α [rad]; arrays that broadcast, NaN where there is none.
-    propeller_speed, density, battery_position
-        Inputs in rev/s, kg/m³ and m, as for `steady.trim_at_moment`.
+    propeller_speed, propeller_power, density, battery_position
+        Inputs in rev/s, W, kg/m³ and m, as for `steady.trim_at_moment`.
     moment_cos, thrust
         M_c [N m] in place of the battery's; constant thrust [N] in place of the propeller's.
     sign
@@ -81,22 +82,24 @@ def sensitivities(
         path_angle,
         angle_of_attack,
         0.0 if propeller_speed is None else propeller_speed,
+        0.0 if propeller_power is None else propeller_power,
         reference if density is None else density,
         0.0 if battery_position is None else battery_position,
         0.0 if moment_cos is None else moment_cos,
         0.0 if thrust is None else thrust,
     )
-    g, v, gamma, alpha, n, rho, position, lean, constant = np.broadcast_arrays(
+    g, v, gamma, alpha, n, watt, rho, position, lean, constant = np.broadcast_arrays(
         *(np.asarray(x, dtype=np.float64) for x in given)
     )
-    polar, law = vehicle.polar, propeller_of(vehicle)
+    polar, law, disk = vehicle.polar, propeller_of(vehicle), disk_of(vehicle)
     ratio = rho / reference
     power = 2.0 + polar.drag_exponent
+    pulled, pulled_v, exponent = thrust_by_power(disk, rho, watt, v)
     sin_a, cos_a, sin_g, cos_g = np.sin(alpha), np.cos(alpha), np.sin(gamma), np.cos(gamma)
     flow = rho * law.diameter**3
-    turned = flow * n * (law.thrust_static * law.diameter * n + law.thrust_slope * v)
+    turned = flow * n * (law.thrust_static * law.diameter * n + law.thrust_slope * v) + pulled
     push = turned + constant
-    thrust_v = flow * n * law.thrust_slope
+    thrust_v = flow * n * law.thrust_slope + pulled_v
     thrust_n = flow * (2.0 * law.thrust_static * law.diameter * n + law.thrust_slope * v) * (n != 0.0)
     zero, one = np.zeros_like(v), np.ones_like(v)
 
@@ -120,6 +123,9 @@ def sensitivities(
         "net_buoyancy": (-sin_g, cos_g, zero),
         "propeller_speed": (-thrust_n * cos_a, sign * thrust_n * sin_a, zero),
     }
+    if propeller_power is not None:
+        by_power = np.divide(exponent * pulled, watt, out=np.zeros_like(pulled), where=watt > 0.0)
+        causes["propeller_power"] = (-by_power * cos_a, sign * by_power * sin_a, zero)
     flow_moment = ratio * (vehicle["moment_at_zero"] + vehicle["moment_slope"] * alpha)
     if trim == "pitch":
         held = [zero, one, one]

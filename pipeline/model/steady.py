@@ -18,7 +18,7 @@ from pipeline.model.case import MAX_ANGLE_OF_ATTACK as MAX_ANGLE_OF_ATTACK
 from pipeline.model.case import NO_THRUST_LAW as NO_THRUST_LAW
 from pipeline.model.case import Case, plain, refuse, unusable
 from pipeline.model.dynamics import body_of, jacobian
-from pipeline.model.forces import GRAVITY, propeller_of
+from pipeline.model.forces import GRAVITY, disk_of, propeller_of
 from pipeline.model.moment import pitches_at_moment
 from pipeline.model.sensitivity import sensitivities
 from pipeline.vehicle import Polar, Vehicle
@@ -95,6 +95,7 @@ def steady_state(
     *,
     thrust: ArrayLike | None = None,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
     signs: Signs = "physical",
 ) -> Steady:
@@ -111,7 +112,9 @@ def steady_state(
     thrust
         Constant thrust T, N; or else
     propeller_speed
-        propeller speed n, rev/s, the thrust following the speed. Without either the vehicle glides.
+        propeller speed n, rev/s; or else
+    propeller_power
+        its power, W; the thrust following the vehicle's speed. Without any of them the vehicle glides.
     density
         In-situ density, kg/m³; the vehicle's reference density if left out.
     signs
@@ -120,8 +123,8 @@ def steady_state(
     Raises
     ------
     ValueError
-        If an angle looks like degrees, a propeller speed like rpm, a density is not positive, or both thrust and
-        propeller speed are given.
+        If an angle looks like degrees, a propeller speed like rpm, a density is not positive, a power is negative, or
+        both thrust and propeller speed or power are given.
 
     Examples
     --------
@@ -131,7 +134,8 @@ def steady_state(
     """
     if signs not in ("physical", "paper"):
         raise ValueError(f"signs: found {signs!r}; expected 'physical' or 'paper'")
-    return _balanced(FIXED_ALPHA, vehicle, net_buoyancy, angle_of_attack, thrust, propeller_speed, density, signs)
+    case = Case.of(vehicle, net_buoyancy, angle_of_attack, thrust, propeller_speed, propeller_power, density)
+    return _balanced(FIXED_ALPHA, vehicle, case, signs)
 
 
 def trim_at_pitch(
@@ -141,6 +145,7 @@ def trim_at_pitch(
     *,
     thrust: ArrayLike | None = None,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
 ) -> Steady:
     """Return steady flight at a held pitch, with |α| ≤ 0.35 rad: the angle of attack nearest zero normal force.
@@ -152,7 +157,7 @@ def trim_at_pitch(
     ----------
     pitch
         θ, rad, nose up positive, within ±π/2.
-    vehicle, net_buoyancy, thrust, propeller_speed, density
+    vehicle, net_buoyancy, thrust, propeller_speed, propeller_power, density
         As for `steady_state`.
 
     Raises
@@ -166,7 +171,8 @@ def trim_at_pitch(
     >>> float(trim_at_pitch(load("petrel-ii"), 2.5, 0.0611, propeller_speed=13.0).speed.round(3))
     0.615
     """
-    return _balanced(HELD_PITCH, vehicle, net_buoyancy, pitch, thrust, propeller_speed, density, "physical")
+    case = Case.of(vehicle, net_buoyancy, pitch, thrust, propeller_speed, propeller_power, density)
+    return _balanced(HELD_PITCH, vehicle, case, "physical")
 
 
 def trim_at_moment(
@@ -245,7 +251,9 @@ def trims_at_moment(
     if battery_position is not None:
         offset = np.asarray(battery_position, dtype=np.float64) - vehicle["battery_neutral_position"]
         moment_cos = -vehicle["battery_mass"] * GRAVITY * offset
-    case = Case.of(vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, density)
+    case = Case.of(
+        vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, None, density
+    )
     body, polar, propeller = body_of(vehicle), plain(vehicle), propeller_of(vehicle)
     moment_sin = vehicle["righting_moment"]
     needed: tuple[str, ...] = (*Polar._fields, *body._fields, "reference_density", "righting_moment")
@@ -285,15 +293,20 @@ def trim_sensitivities(
     pitch: ArrayLike,
     *,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
 ) -> dict[str, tuple[Array, Array]]:
     """Return ∂V/∂p [m/s per unit of p] and ∂γ/∂p [rad per unit of p] of flight at a held pitch, by parameter.
 
     By the implicit function theorem. Parameters p: ``parasite_drag``, ``lift_slope``, ``lift_at_zero``,
-    ``induced_drag``, ``thrust_scale`` (a factor on thrust, at 1), ``net_buoyancy``, ``pitch``, ``propeller_speed``.
+    ``induced_drag``, ``thrust_scale`` (a factor on thrust, at 1), ``net_buoyancy``, ``pitch``, ``propeller_speed``,
+    ``propeller_power``.
     NaN where there is no trim. Arguments and errors as for `trim_at_pitch`.
     """
-    trim = trim_at_pitch(vehicle, net_buoyancy, pitch, propeller_speed=propeller_speed, density=density)
+    trim = trim_at_pitch(
+        vehicle, net_buoyancy, pitch,
+        propeller_speed=propeller_speed, propeller_power=propeller_power, density=density,
+    )  # fmt: skip
     found = sensitivities(
         "pitch",
         vehicle,
@@ -302,22 +315,13 @@ def trim_sensitivities(
         trim.path_angle,
         trim.angle_of_attack,
         propeller_speed=propeller_speed,
+        propeller_power=propeller_power,
         density=density,
     )
     return {name: (slope.speed, slope.path_angle) for name, slope in found.items()}
 
 
-def _balanced(
-    mode: int,
-    vehicle: Vehicle,
-    net_buoyancy: ArrayLike,
-    held: ArrayLike,
-    thrust: ArrayLike | None,
-    propeller_speed: ArrayLike | None,
-    density: ArrayLike | None,
-    signs: Signs,
-) -> Steady:
-    case = Case.of(vehicle, net_buoyancy, held, thrust, propeller_speed, density)
+def _balanced(mode: int, vehicle: Vehicle, case: Case, signs: Signs) -> Steady:
     name, limit = ("angle_of_attack", MAX_ANGLE_OF_ATTACK) if mode == FIXED_ALPHA else ("pitch", 0.5 * math.pi)
     refuse(name, case.held, np.abs(case.held) > limit * (1.0 + 1e-12), f"at most {limit:.4g} rad; degrees?")
     reason = case.reason(unusable(vehicle, (*Polar._fields, "reference_density")), name)
@@ -330,12 +334,12 @@ def _balanced(
 
 def _finish(mode: int, vehicle: Vehicle, case: Case, held: Array, reason: NDArray[Any], sign: float) -> Steady:
     """Return steady flight at the angles `held` (NaN where `reason` says why not), in the shape of the inputs."""
-    speed, path_angle, alpha = solve(
-        mode, held, plain(vehicle), case.ratio, case.push, case.pull, case.net_buoyancy, sign
-    )
+    speed, path_angle, alpha, thrust = solve(
+        mode, held, plain(vehicle), case.ratio, case.push, case.pull, disk_of(vehicle), case.density,
+        case.propeller_power, case.net_buoyancy, sign,
+    )  # fmt: skip
     what = "angle of attack" if mode == FIXED_ALPHA else "pitch (too shallow, or against the net buoyancy)"
     reason[(reason == "") & np.isnan(speed)] = f"no equilibrium: the forces do not balance at this {what}"
-    thrust = np.where(np.isnan(speed), np.nan, case.push + case.pull * speed)
     turning = np.where((case.propeller_speed != 0.0) & ~case.no_thrust_law, case.propeller_speed, np.nan)
     body = body_of(vehicle)
     munk_mass = body.mass_normal - body.mass_forward

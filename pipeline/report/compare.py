@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from pipeline.model.case import driven
+from pipeline.model.forces import relative_thrust_std
 from pipeline.model.steady import trim_sensitivities
 from pipeline.records import TRIMS, seconds
 from pipeline.report.covariance import water, water_of
@@ -257,11 +259,13 @@ def _theory(both: pd.DataFrame, trim: str, vehicle: Vehicle) -> dict[str, _Side]
 
 def _sensitivities(both: pd.DataFrame, vehicle: Vehicle) -> dict[str, tuple[Array, Array]]:
     """Return the theory's derivatives with the pitch held, for the parameters that the vehicle has."""
+    turning, power = _driven(both, vehicle)
     result: dict[str, tuple[Array, Array]] = trim_sensitivities(
         vehicle,
         floats(both, "net_buoyancy"),
         floats(both, "pitch"),
-        propeller_speed=np.nan_to_num(floats(both, "propeller_speed")),
+        propeller_speed=turning,
+        propeller_power=power,
         density=density_of(both, vehicle),
     )
     return result
@@ -279,13 +283,18 @@ def _kinematic_effects(both: pd.DataFrame, vehicle: Vehicle, which: int) -> dict
 
 def _input_stds(both: pd.DataFrame, vehicle: Vehicle) -> dict[str, Array]:
     """Return the 1-sigma of every input of the theory, per block: 0 where the vehicle file leaves it unknown."""
-    value, sigma = vehicle["thrust_static"], vehicle.std("thrust_static")
-    constant = {name: vehicle.std(name) for name in SHARED if name != "pitch"}
-    constant["thrust_scale"] = abs(sigma / value) if value else 0.0
-    blocks = {name: floats(both, f"{name}_std") for name in ("pitch", "net_buoyancy", "propeller_speed")}
-    return {name: np.nan_to_num(np.full(len(both), number)) for name, number in constant.items()} | {
-        name: np.nan_to_num(numbers) for name, numbers in blocks.items()
-    }
+    _, power = _driven(both, vehicle)
+    stds = {name: np.full(len(both), vehicle.std(name)) for name in SHARED if name != "pitch"}
+    stds["thrust_scale"] = relative_thrust_std(vehicle, density_of(both, vehicle), power, floats(both, "speed_theory"))
+    for name in ("pitch", "net_buoyancy", "propeller_speed", "propeller_power"):
+        stds[name] = floats(both, f"{name}_std")
+    return {name: np.nan_to_num(std) for name, std in stds.items()}
+
+
+def _driven(both: pd.DataFrame, vehicle: Vehicle) -> tuple[Array, Array]:
+    """Return speed and power of the propeller that thrust follows from, in blocks that theory can predict."""
+    powered = both["powered"].to_numpy(dtype=bool)
+    return driven(vehicle, powered, floats(both, "propeller_speed"), floats(both, "propeller_power"))
 
 
 def _rows(

@@ -11,10 +11,12 @@ from pipeline.estimate.ballast import ASSUMED_STD, LATITUDE, hull, latitude
 from pipeline.estimate.blocks import means
 from pipeline.estimate.stage import estimate
 from pipeline.mission import Ballast, Mission
+from pipeline.model.forces import disk_thrust
 from pipeline.records import BLOCKS, ESTIMATES, RECORDS, conform, of_method, timestamps
 from pipeline.vehicle import Vehicle, load
 
 VEHICLE = load("petrel-ii")
+HYBRID = load("slocum-thruster")
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
 
 
@@ -188,3 +190,17 @@ def test_mean_heading_is_that_of_the_unit_vectors() -> None:
     block = averaged(records, estimates, VEHICLE, Mission(vehicle="petrel-ii")).iloc[0]
     assert np.cos(block["heading"]) == pytest.approx(1.0, abs=1e-4)
     assert block["roll"] == pytest.approx(0.05)
+
+
+def test_the_power_of_a_block_is_the_constant_one_of_the_same_mean_thrust() -> None:
+    records, estimates = line()
+    power = np.where(np.arange(len(records)) % 2, 2.0, 8.0)
+    table = means(records.assign(propeller_power=power), estimates, HYBRID, Mission(vehicle="slocum-thruster"), None)
+    row, disk = table.iloc[0], HYBRID.disk
+    assert disk is not None
+    share = np.mean([disk_thrust(disk, 1025.0, each, 0.5)[0] for each in power])
+    assert disk_thrust(disk, 1025.0, row["propeller_power"], 0.5)[0] == pytest.approx(share, rel=1e-9)
+    assert row["propeller_power"] < power.mean() - 0.05
+    assert np.isnan(row["propeller_speed"])
+    without = means(records.assign(propeller_power=power), estimates, VEHICLE, Mission(vehicle="petrel-ii"), None)
+    assert without.iloc[0]["propeller_power"] == pytest.approx(power.mean())

@@ -132,7 +132,12 @@ SLOCUM = load("slocum-g2")
             "the vehicle file leaves moment_at_zero, moment_slope unknown",
         ),
         (load("petrel-ii"), {"battery_position": math.nan}, "battery", "no battery position is logged"),
-        (load("petrel-ii"), {"propeller_speed": math.nan}, "pitch", "powered, but no propeller speed is known"),
+        (
+            load("petrel-ii"),
+            {"propeller_speed": math.nan},
+            "pitch",
+            "powered, but neither speed nor power of the propeller is known",
+        ),
         (load("petrel-ii"), {"propeller_speed": 1400.0}, "pitch", "propeller speed above 100 rev/s: rpm for rev/s?"),
         (load("petrel-ii"), {"pitch": 43.5}, "pitch", "pitch beyond 90 degrees: degrees for radians?"),
         (load("petrel-ii"), {"density": math.nan}, "fixed_alpha", "density is missing or not positive"),

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from pipeline.model.case import driven
 from pipeline.model.predict import free_angle_of_attack
 from pipeline.model.sensitivity import sensitivities
 from pipeline.model.steady import MAX_ANGLE_OF_ATTACK, steady_state, trim_at_pitch
@@ -42,7 +43,7 @@ PANELS = (
 )
 COLUMNS = (
     Column("kind", "", "theory: a curve; held: the measured pitch held; measured: a block", "string"),
-    Column("flight", "", "state flown: direction, net buoyancy, propeller speed", "string"),
+    Column("flight", "", "state flown: direction, net buoyancy, propeller", "string"),
     Column("angle_of_attack", "rad", "angle of attack, flow from below positive"),
     Column("angle_of_attack_std", "rad", "1-sigma of angle_of_attack, measured blocks only"),
     Column("speed", "m/s", "speed through water"),
@@ -121,9 +122,14 @@ def _state(group: pd.DataFrame, vehicle: Vehicle) -> State | None:
     """Return one state flown, or None where neither theory nor measurement has an angle of attack."""
     side, powered = int(group["direction"].iloc[0]), bool(group["powered"].iloc[0])
     force, density = float(np.median(floats(group, "net_buoyancy"))), float(np.median(density_of(group, vehicle)))
-    turning = float(np.nanmedian(floats(group, "propeller_speed"))) if powered else 0.0
+    logged = driven(
+        vehicle,
+        group["powered"].to_numpy(dtype=bool),
+        *(floats(group, f"propeller_{name}") for name in ("speed", "power")),
+    )
+    turning, power = (_middle(values) for values in logged)
     pitch = float(np.nanmedian(floats(group, "pitch")))
-    held = trim_at_pitch(vehicle, force, pitch, propeller_speed=turning, density=density)
+    held = trim_at_pitch(vehicle, force, pitch, propeller_speed=turning, propeller_power=power, density=density)
     centre = [value for value in (*floats(group, "angle_of_attack"), float(held.angle_of_attack)) if np.isfinite(value)]
     if not centre:
         return None
@@ -136,13 +142,26 @@ def _state(group: pd.DataFrame, vehicle: Vehicle) -> State | None:
         "path_angle": [pitch - float(held.angle_of_attack)],
     }
     return State(
-        DIRECTIONS[side] + f", {signed(force)} N" + (f", {60 * turning:.0f} rpm" if powered else ""),
+        DIRECTIONS[side] + f", {signed(force)} N" + _driven_by(turning, power),
         side,
         powered,
-        _curve(vehicle, _angles(centre, powered=powered), force, turning, density),
+        _curve(vehicle, _angles(centre, powered=powered), force, turning, power, density),
         pd.DataFrame(at_pitch)[np.isfinite(at_pitch["speed"])],
         group.loc[np.isfinite(floats(group, "angle_of_attack")), names],
     )
+
+
+def _middle(values: Array) -> float:
+    """Return the median of the finite `values`, NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else math.nan
+
+
+def _driven_by(turning: float, power: float) -> str:
+    """Return in words what turns the propeller, "" where nothing does or nobody knows."""
+    if turning > 0.0:
+        return f", {60 * turning:.0f} rpm"
+    return f", {power:.1f} W" if power > 0.0 else ""
 
 
 def _angles(centre: Sequence[float], *, powered: bool) -> Array:
@@ -154,11 +173,19 @@ def _angles(centre: Sequence[float], *, powered: bool) -> Array:
     return np.linspace(sign * math.radians(0.05), sign * limit, 160)
 
 
-def _curve(vehicle: Vehicle, alpha: Array, force: float, turning: float, density: float) -> pd.DataFrame:
+def _curve(vehicle: Vehicle, alpha: Array, force: float, turning: float, power: float, density: float) -> pd.DataFrame:
     """Return the theory over angle of attack with the 1-sigma of the polar, NaN where it would fly backwards."""
-    theory = steady_state(vehicle, force, alpha, propeller_speed=turning, density=density)
+    theory = steady_state(vehicle, force, alpha, propeller_speed=turning, propeller_power=power, density=density)
     slopes = sensitivities(
-        "fixed_alpha", vehicle, force, theory.speed, theory.path_angle, alpha, propeller_speed=turning, density=density
+        "fixed_alpha",
+        vehicle,
+        force,
+        theory.speed,
+        theory.path_angle,
+        alpha,
+        propeller_speed=turning,
+        propeller_power=power,
+        density=density,
     )
     speed_std, angle_std = np.zeros_like(alpha), np.zeros_like(alpha)
     for name in ("lift_at_zero", "lift_slope", "parasite_drag", "induced_drag"):

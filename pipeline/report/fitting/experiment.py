@@ -92,7 +92,7 @@ def _steeper(blocks: pd.DataFrame) -> pd.DataFrame:
 
 
 def _unpowered(blocks: pd.DataFrame) -> pd.DataFrame:
-    return blocks.assign(propeller_speed=0.0, powered=False)
+    return blocks.assign(propeller_speed=0.0, propeller_power=0.0, powered=False)
 
 
 def _both(blocks: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:

@@ -135,7 +135,7 @@ def selected(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> 
     present = np.ones(points.size, dtype=bool)
     needed = {
         "depth_rate": "depth rate", "net_buoyancy": "net buoyancy", "pitch": "pitch",
-        "propeller_speed": "known propeller speed",
+        "propeller_speed": "thrust that follows from what is logged",
     }  # fmt: skip
     for name, words in needed.items():
         finite = np.isfinite(getattr(points, name))

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.model.forces import propeller_of
+from pipeline.model.forces import disk_of, propeller_of
 from pipeline.model.tangent import BASICS, fly
 from pipeline.report.fitting.parameters import MOMENT, WATER, Correction, correction
 from pipeline.report.fitting.points import Array, Points
@@ -118,10 +118,10 @@ class Model:
                 basics[:, BASICS.index(changes)] += x[j] * weight
         ratio = points.density / self.vehicle["reference_density"]
         exponent = float(self.vehicle["drag_exponent"])
-        turning = np.where(points.powered, points.propeller_speed, 0.0)
         speed, attack, by_speed, by_attack = fly(
-            basics, exponent, propeller_of(self.vehicle), ratio, points.density, turning
-        )
+            basics, exponent, propeller_of(self.vehicle), disk_of(self.vehicle), ratio, points.density,
+            points.propeller_speed, points.propeller_power,
+        )  # fmt: skip
         speed_by, attack_by, pitch_by = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k))
         for j, (changes, weight) in enumerate(self._weights):
             if changes in BASICS:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.model.forces import GRAVITY, HULL_TIME_BEFORE, HULL_TIME_STD
+from pipeline.model.forces import GRAVITY, HULL_TIME_BEFORE, HULL_TIME_STD, relative_thrust_std
+from pipeline.model.steady import trim_at_pitch
 from pipeline.report.fitting.points import Array, Points
 from pipeline.vehicle import Vehicle
 
@@ -146,9 +147,16 @@ def prior_stds(vehicle: Vehicle, points: Points, ballast_std: float, pitch_std: 
             del out[name]
     if np.any(points.by_lag):
         out["hull_time"] = math.hypot(HULL_TIME_BEFORE, HULL_TIME_STD)  # blocks have a hull as warm as the water
-    static = vehicle["thrust_static"]
-    if points.powered.any() and math.isfinite(static) and static:
-        out["thrust_scale"] = abs(vehicle.std("thrust_static") / static)
+    driven = points.only((points.propeller_speed != 0.0) | (points.propeller_power != 0.0))
+    if driven.size:
+        trim = trim_at_pitch(
+            vehicle, driven.net_buoyancy, driven.pitch,
+            propeller_speed=driven.propeller_speed, propeller_power=driven.propeller_power, density=driven.density,
+        )  # fmt: skip
+        std = relative_thrust_std(vehicle, driven.density, driven.propeller_power, trim.speed)
+        known = std[np.isfinite(std)]
+        if known.size:
+            out["thrust_scale"] = float(np.median(known))
     return out | {"net_buoyancy": ballast_std, "pitch": pitch_std}
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from pipeline.model.case import driven
 from pipeline.records import seconds
 from pipeline.report.compare import density_of, floats
 from pipeline.vehicle import Vehicle
@@ -37,8 +38,8 @@ class Points:
         Numbers of block and dive; -1 down, +1 up, 0 level.
     start, end, days
         Bounds, s since 1970; middle since the first block of the mission, days.
-    powered, propeller_speed
-        Whether the propeller turns; rev/s, 0 where it does not, NaN where it does and nobody knows how fast.
+    powered, propeller_speed, propeller_power
+        Whether the propeller turns; rev/s and W that thrust follows from, see `model.case.driven`.
     net_buoyancy, by_compression, by_expansion, by_lag
         G, N; its change per compressibility, N Pa, per thermal expansion, N K, and per time constant of the hull's
         temperature, N/s (0 where unknown).
@@ -60,6 +61,7 @@ class Points:
     days: Array
     powered: NDArray[np.bool_]
     propeller_speed: Array
+    propeller_power: Array
     net_buoyancy: Array
     by_compression: Array
     by_expansion: Array
@@ -94,6 +96,9 @@ class Points:
             configuration[(dive >= item.first) & (dive <= item.last)] = number
         middle = 0.5 * (start + end)
         powered = blocks["powered"].to_numpy(dtype=bool)[order]
+        propeller_speed, propeller_power = driven(
+            vehicle, powered, column("propeller_speed"), column("propeller_power")
+        )
         plain = ("net_buoyancy", "pitch", "heading", "roll", "depth", "battery_position", "battery_position_std")
         measured = ("depth_rate", "depth_rate_std", "sensor_speed", "sensor_speed_std")
         return cls(
@@ -104,7 +109,8 @@ class Points:
             end=end,
             days=(middle - middle[0]) / DAY if dive.size else middle,
             powered=powered,
-            propeller_speed=np.where(powered, column("propeller_speed"), 0.0),
+            propeller_speed=propeller_speed,
+            propeller_power=propeller_power,
             by_compression=np.nan_to_num(column("buoyancy_by_compression")),
             by_expansion=np.nan_to_num(column("buoyancy_by_expansion")),
             by_lag=np.nan_to_num(column("buoyancy_by_lag")),

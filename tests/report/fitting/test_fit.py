@@ -129,7 +129,10 @@ def test_speeds_by_a_sensor_sharpen_the_fit_when_they_are_used(exact):
         ({"used": False}, "no steady block"),
         ({"net_buoyancy": math.nan}, "no steady block with a net buoyancy"),
         ({"depth_rate": math.nan}, "no steady block with a depth rate"),
-        ({"powered": True, "propeller_speed": math.nan}, "no steady block with a known propeller speed"),
+        (
+            {"powered": True, "propeller_speed": math.nan},
+            "no steady block with a thrust that follows from what is logged",
+        ),
         ({"pitch": 0.001, "net_buoyancy": 5.0}, "theory has no steady flight at the pitch and buoyancy of any block"),
     ],
 )
