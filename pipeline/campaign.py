@@ -166,6 +166,7 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.report import Inputs, build, coefficients, corrected, og1
     from pipeline.report.figures import files
     from pipeline.table import Table
+    from pipeline.workers import beside
 
     ingested = store.read_json(job.path("ingest.json"))
     inputs = Inputs(
@@ -181,7 +182,8 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
         estimate=store.read_json(job.path("estimate.json")),
         provenance={"stages": {**_before_report(job), "report": dict(described)}},
     )
-    summary, page, pictures = build(inputs)
+    with beside(job.threads) as start:
+        summary, page, pictures = build(inputs, start)
     store.write_json(job.path("summary.json"), summary)
     store.write_text(job.path("report.html"), page)
     files.write(job.path, pictures, {"mission": mission.slug})

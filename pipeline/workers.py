@@ -6,10 +6,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import connection
+from multiprocessing.context import BaseContext
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -75,11 +77,39 @@ def local(count: int) -> Workers:
 
     def make() -> Executor:
         os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
-        methods = multiprocessing.get_all_start_methods()
-        context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        return ProcessPoolExecutor(count, mp_context=context, initializer=_settle)
+        return ProcessPoolExecutor(count, mp_context=_context(), initializer=_settle)
 
     return Workers(make, count, max(1, cores() // count))
+
+
+@contextmanager
+def beside(threads: int) -> Iterator[Callable[..., Callable[[], Any]]]:
+    """Give a function that starts a task, with its arguments, and returns what waits for its result.
+
+    A process beside this one does it; with fewer than two threads to use, or if that process is killed, this one does
+    when the result is waited for.
+    """
+    if threads < 2:
+        yield partial
+        return
+    with ProcessPoolExecutor(1, mp_context=_context(), initializer=_settle) as executor:
+
+        def start(task: Callable[..., T], *arguments: Any) -> Callable[[], T]:
+            future = executor.submit(task, *arguments)
+
+            def result() -> T:
+                with suppress(BrokenExecutor):
+                    return future.result()
+                return task(*arguments)
+
+            return result
+
+        yield start
+
+
+def _context() -> BaseContext:
+    methods = multiprocessing.get_all_start_methods()
+    return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
 
 
 def cluster(address: str) -> Workers:

@@ -12,13 +12,31 @@ from typing import Any
 import pytest
 
 from pipeline.findings import InputError
-from pipeline.workers import ONE_THREAD, cluster, local
+from pipeline.workers import ONE_THREAD, beside, cluster, local
 
 
 def test_a_worker_leaves_interrupts_to_its_parent_and_computes_on_one_thread() -> None:
     with local(1) as workers:
         assert workers.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         assert {workers.submit(os.getenv, name).result() for name in ONE_THREAD} == {"1"}
+
+
+def test_a_task_is_done_beside_only_where_there_is_a_core_for_it() -> None:
+    with beside(1) as start:
+        assert start(os.getpid)() == os.getpid()
+    with beside(2) as start:
+        assert start(os.getpid)() != os.getpid()
+
+
+def test_a_task_whose_process_is_killed_is_done_here() -> None:
+    caught: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: caught.append(number))
+    try:
+        with beside(2) as start:
+            start(signal.raise_signal, signal.SIGTERM)()  # it ends the process beside, here it is caught
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert caught == [signal.SIGTERM]
 
 
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

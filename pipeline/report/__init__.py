@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 
     from pipeline.mission import Mission
     from pipeline.report.figures.drawing import Picture
+    from pipeline.report.figures.interactive import Interactive
     from pipeline.table import Columns
     from pipeline.vehicle import Vehicle
 
@@ -69,21 +71,38 @@ class Report(NamedTuple):
     pictures: dict[str, Picture | None]
 
 
-def build(inputs: Inputs) -> Report:
+def build(inputs: Inputs, start: Callable[..., Callable[[], Any]] = partial) -> Report:
     """Return what is reported of a mission.
 
     The same inputs give the same bytes: nothing in them depends on when or where the report is made.
+
+    Parameters
+    ----------
+    inputs
+        What the earlier stages hand over.
+    start
+        Starts a task, as `pipeline.workers.beside` does: drawing what was flown, while the rest is found out and drawn.
     """
     from pipeline.report import page
     from pipeline.report.figures import NO_FIGURE, draw, words
-    from pipeline.report.figures.interactive import interactive
     from pipeline.report.summary import summarise
 
+    drawn = start(_flown, inputs)
     summary, comparison = summarise(inputs)
-    pictures, live = draw(inputs, summary, comparison), interactive(inputs)
+    found = draw(inputs, summary, comparison)
+    flown, live = drawn()
+    pictures = {name: (flown if name in flown else found)[name] for name in NO_FIGURE}
     summary["series"] = live.account if live is not None else None
     summary["figures"] = words(pictures, NO_FIGURE)
     return Report(summary, page.report(summary, pictures, live), pictures)
+
+
+def _flown(inputs: Inputs) -> tuple[dict[str, Picture | None], Interactive | None]:
+    """Return the figures of what was flown, those to look at and the one to zoom into."""
+    from pipeline.report.figures import draw_flown
+    from pipeline.report.figures.interactive import interactive
+
+    return draw_flown(inputs), interactive(inputs)
 
 
 class Index(NamedTuple):

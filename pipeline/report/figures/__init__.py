@@ -34,7 +34,7 @@ NO_CAMPAIGN_FIGURE = {
 
 
 def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -> dict[str, Picture | None]:
-    """Return every figure of the page by its name; None where there is nothing to draw, for `NO_FIGURE`'s reason.
+    """Return the figures of what was found, by name; None where there is nothing to draw, for `NO_FIGURE`'s reason.
 
     Parameters
     ----------
@@ -50,32 +50,39 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
     from pipeline.report.figures.closure import closure
     from pipeline.report.figures.corrections import corrections
     from pipeline.report.figures.curves import curves
-    from pipeline.report.figures.flight import flight
     from pipeline.report.figures.hypotheses import hypotheses
     from pipeline.report.figures.parity import parity
     from pipeline.report.figures.profiles import profiles
     from pipeline.report.figures.residuals import residuals
-    from pipeline.report.figures.stability import stability
     from pipeline.report.figures.track import track
-    from pipeline.report.figures.water import water
 
     gps = _gps(summary["parts"])
     return {
         "answer": answer(summary["parts"]),
         "track": track(inputs.records, summary["current"]),
-        "water": water(inputs.records, inputs.estimates),
-        "flight": flight(
-            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
-        ),
         "curves": curves(inputs.blocks, inputs.vehicle, gps),
         "agreement": agreement(comparison),
         "hypotheses": hypotheses(summary["hypotheses"]),
         "parity": parity(comparison, inputs.estimate.get("settings")),
-        "stability": stability(inputs.blocks, inputs.predictions, inputs.vehicle),
         "corrections": corrections(summary["fit"]),
         "profiles": profiles(summary["fit"]),
         "residuals": residuals(summary["fit"]),
         "closure": closure(summary["closure"]),
+    }
+
+
+def draw_flown(inputs: Inputs) -> dict[str, Picture | None]:
+    """Return the figures of what was flown, for which nothing need be found, by name; None as in `draw`."""
+    from pipeline.report.figures.flight import flight
+    from pipeline.report.figures.stability import stability
+    from pipeline.report.figures.water import water
+
+    return {
+        "water": water(inputs.records, inputs.estimates),
+        "flight": flight(
+            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
+        ),
+        "stability": stability(inputs.blocks, inputs.predictions, inputs.vehicle),
     }
 
 
