@@ -66,7 +66,7 @@ def called(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
         return run
 
     monkeypatch.setattr(campaign, "_RUN", {stage: fake(stage) for stage in STAGES})
-    monkeypatch.setattr("pipeline.report.index", lambda summaries: Index({"missions": []}, json.dumps(summaries)))
+    monkeypatch.setattr("pipeline.report.index", lambda summaries: Index({"missions": []}, json.dumps(summaries), {}))
     return calls
 
 
