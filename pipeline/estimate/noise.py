@@ -28,11 +28,11 @@ WATER = 0.015
 SETTLING, LEADING, SHARE = 75.0, 45.0, 0.25
 #: Noise is read off at least this many samples.
 FEWEST = 40
-#: The noise of depth (m) is not believed below this.
-QUIET = 0.005
+#: Noise of depth (m) and of pitch (rad) are not believed below these.
+QUIET, QUIET_PITCH = 0.005, math.radians(0.01)
 #: An innovation beyond this many standard deviations says nothing of their level; and the logarithm by which the noise
 #: of depth may be off.
-OUTLYING, FARTHEST = 6.0, 1.5
+OUTLYING, FARTHEST = 6.0, 0.7
 
 
 def noise_from(series: Series) -> Settings:
@@ -117,7 +117,7 @@ def levelled(settings: Settings, steady: np.ndarray, problem_of: Callable[[Setti
         return [float(np.mean(each)) if each.size >= FEWEST else 1.0 for each in counted]
 
     def pitch_levelled(settings: Settings) -> Settings:
-        by = sizes(settings)[1]
+        by = max(sizes(settings)[1], (QUIET_PITCH / settings.pitch_noise) ** 2)
         moves = {name: by * getattr(settings, name) for name in ("pitch_drift", "turn_drift")}
         return settings._replace(pitch_noise=by**0.5 * settings.pitch_noise, **moves)
 

@@ -187,8 +187,8 @@ def test_water_that_the_fairing_carries_is_found_with_the_time_in_which_it_is_re
         problem, _ = force.linearise(blind, inputs, truth, Settings(), at, speed=False)
         mean = smoother.solve(problem, whole=False).mean[:, :, 0]
         at = force.path(blind, mean[:, force.SPEED], pitch)
-    noise = np.random.default_rng(5).normal(0.0, 0.03, time.size)
-    seen = replace(blind, depth=mean[:, force.DEPTH] + noise)
+    noise = np.random.default_rng(5).normal(0.0, [[0.03], [np.radians(0.1)]], (2, time.size))
+    seen = replace(blind, depth=mean[:, force.DEPTH] + noise[0], pitch=pitch + noise[1])
     std = np.array(
         [{"carried_water": CARRIED_STD, "flushing_time": FLUSHING_STD}.get(name, 0.0) for name in PARAMETERS]
     )
