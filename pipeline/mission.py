@@ -88,6 +88,7 @@ class Nominal(_Strict):
     name: str = Field(description="heading in the table")
     net_buoyancy: float = Field(description="N, up positive")
     propeller_speed_rpm: float = Field(0.0, ge=0, le=6000, description="rev/min")
+    propeller_power: float = Field(0.0, ge=0, description="W, where thrust follows from it and not from the speed")
     pitch_deg: float | None = Field(None, ge=-90, le=90, description="degrees, measured mean pitch")
     density: float | None = Field(None, gt=900, lt=1100, description="kg/m3; the vehicle's reference if left out")
     published_speed: float | None = Field(None, gt=0, description="m/s, measured speed as published")

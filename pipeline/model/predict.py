@@ -66,6 +66,7 @@ def nominal(
     propeller_speed: float,
     pitch: float | None,
     density: float | None = None,
+    propeller_power: float = 0.0,
     net_buoyancy_std: float = 0.0,
     propeller_speed_std: float = 0.0,
     pitch_std: float = 0.0,
@@ -80,6 +81,8 @@ def nominal(
         G [N, up positive], n [rev/s], measured mean pitch θ [rad] or None; with their 1-sigma.
     density
         In-situ density, kg/m³; the vehicle's reference density if left out.
+    propeller_power
+        W, where thrust follows from it and not from the propeller's speed.
 
     Returns
     -------
@@ -90,7 +93,11 @@ def nominal(
         ``speed_upper``, ``thrust_bound``. Each number with ``<name>_std`` from the coefficients; NaN, and
         ``reason``, where it cannot be had.
     """
-    values = {"net_buoyancy": net_buoyancy, "propeller_speed": propeller_speed}
+    values = {
+        "net_buoyancy": net_buoyancy,
+        "propeller_speed": propeller_speed,
+        "propeller_power": propeller_power,
+    }
     inputs_std = {"net_buoyancy": net_buoyancy_std, "propeller_speed": propeller_speed_std}
     if pitch is not None:
         values["pitch"] = pitch
@@ -136,11 +143,15 @@ _NOMINAL: dict[str, tuple[str, ...]] = {
 
 def _nominal_row(vehicle: Vehicle, values: dict[str, float], density: float | None) -> tuple[Array, list[str]]:
     """Return the numbers of `nominal` in the order of `_NOMINAL`, and the reason of each part."""
-    g, n = values["net_buoyancy"], values["propeller_speed"]
+    g, n, power = (values[name] for name in ("net_buoyancy", "propeller_speed", "propeller_power"))
     alpha, alpha_reason = free_angle_of_attack(vehicle)
     both: tuple[Signs, Signs] = ("physical", "paper")
-    free = [steady_state(vehicle, g, alpha, propeller_speed=n, density=density, signs=signs) for signs in both]
-    held = trim_at_pitch(vehicle, g, values.get("pitch", math.nan), propeller_speed=n, density=density)
+    free = [
+        steady_state(vehicle, g, alpha, propeller_speed=n, propeller_power=power, density=density, signs=signs)
+        for signs in both
+    ]
+    pitch = values.get("pitch", math.nan)
+    held = trim_at_pitch(vehicle, g, pitch, propeller_speed=n, propeller_power=power, density=density)
     limits = [
         stable_range(vehicle, g, alpha, state.thrust, density=density, signs=signs)
         for state, signs in zip(free, both, strict=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.propulsion import strength
 from pipeline.report.rounding import amount
 
 #: |E|/u_val beyond which a difference is called significant.
@@ -16,7 +17,7 @@ def answer(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the answer in one plain sentence, and what else a reader in a hurry must know."""
     known = [part for part in summary["parts"] if math.isfinite(part["measured_speed_m_s"])]
     known = [part for part in known if math.isfinite(part["held_speed_m_s"])]
-    lead = max(known, key=lambda part: part["propeller_speed_rpm"], default=None)
+    lead = max(known, key=strength, default=None)
     sentence = _no_answer(summary) if lead is None else _compared(lead)
     more = [_compared(part) for part in known if part is not lead]
     more += [note for part in summary["parts"] for note in part["notes"] if not note.startswith("No theory")]

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.mission import Mission, Nominal
+from pipeline.model.case import driven
 from pipeline.model.predict import nominal
 from pipeline.report.averages import combine
 from pipeline.report.compare import DIRECTIONS, floats
@@ -27,7 +28,7 @@ LEVEL_DEG = 1.0
 PROPELLER_STD = 0.005
 
 
-def parts(mission: Mission, blocks: pd.DataFrame) -> list[Nominal]:
+def parts(mission: Mission, vehicle: Vehicle, blocks: pd.DataFrame) -> list[Nominal]:
     """Return the parts of a mission: as in mission.yaml, or else one per direction and powered or not, as flown."""
     if mission.nominal:
         return list(mission.nominal)
@@ -35,9 +36,13 @@ def parts(mission: Mission, blocks: pd.DataFrame) -> list[Nominal]:
     out = []
     for _key, group in used.groupby(["direction", "powered"], sort=True):
         side, powered = int(group["direction"].iloc[0]), bool(group["powered"].iloc[0])
+        columns = {name: floats(group, name) for name in ("net_buoyancy", "pitch", "density")}
+        columns["propeller_speed"], columns["propeller_power"] = driven(
+            vehicle, np.full(len(group), powered), floats(group, "propeller_speed"), floats(group, "propeller_power")
+        )
         values = {
-            name: float(np.nanmedian(floats(group, name))) if np.isfinite(floats(group, name)).any() else math.nan
-            for name in ("net_buoyancy", "propeller_speed", "pitch", "density")
+            name: float(np.nanmedian(column)) if np.isfinite(column).any() else math.nan
+            for name, column in columns.items()
         }
         if not math.isfinite(values["net_buoyancy"]) or not math.isfinite(values["pitch"]):
             continue
@@ -45,7 +50,8 @@ def parts(mission: Mission, blocks: pd.DataFrame) -> list[Nominal]:
             Nominal.model_construct(
                 name=DIRECTIONS[side] + (" under propeller" if powered else ""),
                 net_buoyancy=values["net_buoyancy"],
-                propeller_speed_rpm=60.0 * values["propeller_speed"] if powered else 0.0,
+                propeller_speed_rpm=60.0 * values["propeller_speed"],
+                propeller_power=values["propeller_power"],
                 pitch_deg=math.degrees(values["pitch"]),
                 density=values["density"] if math.isfinite(values["density"]) else None,
                 direction=WORDS[side],
@@ -77,7 +83,7 @@ def table(
         The estimator's report (``gps``, ``settings``).
     """
     rows = []
-    for part in parts(mission, blocks):
+    for part in parts(mission, vehicle, blocks):
         pitch = math.nan if part.pitch_deg is None else math.radians(part.pitch_deg)
         theory = nominal(
             vehicle,
@@ -85,6 +91,7 @@ def table(
             propeller_speed=part.propeller_speed_rpm / 60.0,
             pitch=None if math.isnan(pitch) else pitch,
             density=part.density,
+            propeller_power=part.propeller_power,
             net_buoyancy_std=mission.ballast.std,
             propeller_speed_std=PROPELLER_STD * part.propeller_speed_rpm / 60.0,
             pitch_std=math.radians(mission.pitch.std_deg),
@@ -94,7 +101,9 @@ def table(
             "source": part.source,
             "as_set": bool(mission.nominal),
             "net_buoyancy_N": part.net_buoyancy,
+            "powered": _powered(part),
             "propeller_speed_rpm": part.propeller_speed_rpm,
+            "propeller_power_W": part.propeller_power,
             "pitch_deg": math.degrees(pitch),
             "published_speed_m_s": part.published_speed,
             "published_theory_speed_m_s": part.published_theory_speed,
@@ -118,6 +127,10 @@ def table(
     return rows
 
 
+def _powered(part: Nominal) -> bool:
+    return part.propeller_speed_rpm > 0.0 or part.propeller_power > 0.0 if part.powered is None else part.powered
+
+
 def _flight(prefix: str, theory: Mapping[str, Any]) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for name in ("speed", "pitch", "path_angle", "angle_of_attack"):
@@ -132,7 +145,7 @@ def measured(
     part: Nominal, blocks: pd.DataFrame, comparison: pd.DataFrame, estimate: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the speed and pitch measured in this part, from where, or why not."""
-    powered = part.propeller_speed_rpm > 0 if part.powered is None else part.powered
+    powered = _powered(part)
     kind = blocks["powered"].to_numpy(dtype=bool) == powered
     if part.direction is not None:
         kind &= blocks["direction"].to_numpy() == SIDES[part.direction]

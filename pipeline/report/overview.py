@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline.records import Column, conform
 from pipeline.report.fleet import fleet
+from pipeline.report.propulsion import strength
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,7 +102,7 @@ def tsv(content: Mapping[str, Any]) -> str:
 def _row(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the key numbers of one mission."""
     parts = [part for part in summary["parts"] if math.isfinite(_number(part["measured_speed_m_s"]))]
-    lead: Mapping[str, Any] = max(parts, key=lambda part: part["propeller_speed_rpm"], default={})
+    lead: Mapping[str, Any] = max(parts, key=strength, default={})
     coefficients = _coefficients(summary)
     known: Mapping[tuple[str, str], Mapping[str, Any]] = {(item["name"], item["unit"]): item for item in coefficients}
     drag, ballast = known.get(("parasite_drag", "%"), {}), known.get(("net_buoyancy", "N"), {})
@@ -177,7 +178,7 @@ def _part(part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the gap between theory and measurement in one part of a mission."""
     return {
         "name": part["name"],
-        "powered": bool(part["propeller_speed_rpm"]),
+        "powered": part["powered"],
         "pitch_deg": _number(part["pitch_deg"]),
         "error_cm_s": 100.0 * _number(part["error_m_s"]),
         "u_val_cm_s": 100.0 * _number(part["u_val_m_s"]),

@@ -91,7 +91,7 @@ def test_a_mission_without_nominal_settings_gets_a_row_per_direction_as_flown(pe
 
 
 def test_without_net_buoyancy_there_is_no_part_to_show(petrel):
-    assert parts(Mission(vehicle="petrel-ii"), blocks(dives=1).assign(net_buoyancy=math.nan)) == []
+    assert parts(Mission(vehicle="petrel-ii"), petrel, blocks(dives=1).assign(net_buoyancy=math.nan)) == []
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,14 @@ import pandas as pd
 
 from pipeline.records import Column
 from pipeline.report.figures.drawing import FREE, HELD, MEASURED, SENSOR, VOID, Drawn, Picture, canvas, picture, style
+from pipeline.report.propulsion import setting
 from pipeline.report.rounding import signed
 
 COLUMNS = (
     Column("part", "", "part of the mission", "string"),
     Column("net_buoyancy_N", "N", "net buoyancy force, up positive"),
     Column("propeller_speed_rpm", "rpm", "propeller speed"),
+    Column("propeller_power_W", "W", "propeller power, where thrust follows from it"),
     Column("pitch_deg", "deg", "pitch, nose up positive"),
     Column("measured_speed_m_s", "m/s", "measured speed through water"),
     Column("measured_speed_std_m_s", "m/s", "1-sigma of measured_speed_m_s"),
@@ -113,8 +115,8 @@ def _table(parts: Sequence[Mapping[str, Any]]) -> Drawn:
 
 def _wrapped(part: Mapping[str, Any]) -> str:
     settings = f"{signed(part['net_buoyancy_N'])} N"
-    if part["propeller_speed_rpm"]:
-        settings += f", {part['propeller_speed_rpm']:.0f} rpm"
+    driving = setting(part["propeller_speed_rpm"], part["propeller_power_W"])
+    settings += f", {driving}" if driving else ""
     if math.isfinite(part["pitch_deg"]):
         settings += f", {signed(part['pitch_deg'])}°"
     return f"{part['name']}\n{settings}"

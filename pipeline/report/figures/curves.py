@@ -31,6 +31,7 @@ from pipeline.report.figures.drawing import (
     picture,
     style,
 )
+from pipeline.report.propulsion import setting
 from pipeline.report.rounding import signed
 from pipeline.vehicle import Vehicle
 
@@ -141,8 +142,9 @@ def _state(group: pd.DataFrame, vehicle: Vehicle) -> State | None:
         "pitch": [pitch],
         "path_angle": [pitch - float(held.angle_of_attack)],
     }
+    driving = setting(60.0 * turning, power)
     return State(
-        DIRECTIONS[side] + f", {signed(force)} N" + _driven_by(turning, power),
+        DIRECTIONS[side] + f", {signed(force)} N" + (f", {driving}" if driving else ""),
         side,
         powered,
         _curve(vehicle, _angles(centre, powered=powered), force, turning, power, density),
@@ -155,13 +157,6 @@ def _middle(values: Array) -> float:
     """Return the median of the finite `values`, NaN without any."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if known.size else math.nan
-
-
-def _driven_by(turning: float, power: float) -> str:
-    """Return in words what turns the propeller, "" where nothing does or nobody knows."""
-    if turning > 0.0:
-        return f", {60 * turning:.0f} rpm"
-    return f", {power:.1f} W" if power > 0.0 else ""
 
 
 def _angles(centre: Sequence[float], *, powered: bool) -> Array:

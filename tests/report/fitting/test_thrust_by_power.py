@@ -11,11 +11,14 @@ from synthetic import blocks, steady
 
 from benchmarks.truth import read
 from pipeline.estimate.stage import InMemory, stream
+from pipeline.mission import Mission
 from pipeline.model.predict import predict
 from pipeline.report.compare import compare
 from pipeline.report.fitting.fit import fit
 from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank
+from pipeline.report.nominal import table
+from pipeline.report.propulsion import setting, strength
 from pipeline.vehicle import Coefficient, Vehicle
 
 CALM = {"sigma_w": 0.003, "tau_w": 300.0}
@@ -53,6 +56,33 @@ def test_a_thrust_that_is_as_its_power_says_leaves_nothing(by_power: Vehicle) ->
     predictions = predict(by_power, logged_by_power())
     speed = predictions.loc[predictions["trim"] == "pitch", "speed"].to_numpy()
     np.testing.assert_allclose(speed, true_speed(blocks(powered_climbs=True)), rtol=1e-7)
+
+
+def test_a_part_of_a_mission_that_is_driven_by_power_has_its_theory(by_power: Vehicle) -> None:
+    flown = logged_by_power(dives=4)
+    comparison = compare(flown, predict(by_power, flown), by_power, settings=CALM)
+    mission = Mission(vehicle="petrel-ii")
+    down, up = table(mission, by_power, flown, comparison, {"settings": CALM})
+    assert (down["powered"], setting(down["propeller_speed_rpm"], down["propeller_power_W"])) == (False, "")
+    middle = float(np.median(flown.loc[flown["powered"], "propeller_power"]))
+    assert up["propeller_power_W"] == pytest.approx(middle)
+    by_speed = blocks(powered_climbs=True, dives=4).query("powered")
+    assert up["held_speed_m_s"] == pytest.approx(np.mean(true_speed(by_speed)), rel=1e-3)
+    assert up["held_reason"] == ""
+    assert strength(up) > strength(down)
+
+
+@pytest.mark.parametrize(
+    ("speed_rpm", "power", "words"),
+    [(1400.0, 0.0, "1400 rpm"), (0.0, 4.91, "4.9 W"), (0.0, 0.0, ""), (math.nan, math.nan, ""), (None, None, "")],
+)
+def test_what_turns_a_propeller_in_words(speed_rpm: float | None, power: float | None, words: str) -> None:
+    assert setting(speed_rpm, power) == words
+
+
+def test_a_propeller_of_which_nothing_is_known_is_driven_harder_than_none() -> None:
+    unknown = {"propeller_speed_rpm": None, "propeller_power_W": math.nan, "powered": True}
+    assert strength(unknown) > strength({"propeller_speed_rpm": 0.0, "propeller_power_W": 0.0, "powered": False})
 
 
 def test_a_loss_of_thrust_is_found_and_named(by_power: Vehicle) -> None:
