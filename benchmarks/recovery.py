@@ -51,7 +51,7 @@ from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.judgement import NOTHING
 from pipeline.report.fitting.observations import BatteryPositions, observe
-from pipeline.report.fitting.regression import Problem
+from pipeline.report.fitting.regression import LOST, Problem
 from pipeline.report.fitting.sea import sea
 from pipeline.report.fitting.terms import DepthRates
 from pipeline.simulate import Injection
@@ -443,11 +443,14 @@ def drawn(planned: Campaign, draws: int) -> list[dict[str, Any]]:
     rng = np.random.default_rng([planned.number, 0xD2A3])
     unknown = next((x.unknown for x in CAUSES if x.name == planned.cause), "parasite_drag")
     column = names.index(unknown) if unknown in names else -1
+    change = np.zeros(len(names))
+    if column >= 0 and planned.cause != NOTHING:
+        change[column] = planned.change
     out = []
     for _ in range(draws):
-        x = known.root @ rng.standard_normal(known.root.shape[1])
-        if column >= 0 and planned.cause != NOTHING:
-            x[column] += planned.change
+        x = change + known.root @ rng.standard_normal(known.root.shape[1])
+        while (problem.evaluate(x)[0] == LOST).any():  # a vehicle that cannot fly its orders
+            x = change + known.root @ rng.standard_normal(known.root.shape[1])
         seen = _seen(blocks, problem, x, rng)
         row = scored(planned, seen, dict(zip(names, x, strict=True)), planned.settings)
         if planned.kind != "cannot":
