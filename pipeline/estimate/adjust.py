@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, smoother
 from pipeline.estimate.craft import (
@@ -29,7 +28,7 @@ from pipeline.estimate.craft import (
 )
 from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import ENOUGH, WATER, covariance, levelled, moved, noise_from
+from pipeline.estimate.noise import WATER, levelled, most_probable, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -260,37 +259,26 @@ def _likeliest(
     *,
     speed: bool,
 ) -> Noise:
-    """Return settings with the noise levels `names` of `SEARCHED` at the maximum of likelihood times prior.
+    """Return settings with the noise levels `names` of `SEARCHED` at their most probable values, see `most_probable`.
 
-    σ² of w_w, and σ²τ on which its mean over a long glide depends, are means over their posterior, as in
-    `noise.likeliest`: what is not known of them widens the intervals.
+    Where the water is among them, what is open of it goes along, and innovations are made as large as predicted.
     """
-    usual = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
-    median = np.log([getattr(usual, name) for name in names])
-    spread = np.array([SEARCHED[name] for name in names])
     nothing = np.empty((len(PARAMETERS), 0))
 
-    def cost(u: np.ndarray) -> float:
-        trial = settings._replace(**dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
-        total = 0.5 * float(u @ u)
+    def log_likelihood(trial: Settings) -> float:
+        total = 0.0
         for stretch, at in zip(stretches, paths, strict=True):
             problem, _ = linearise(stretch.series, stretch.force, craft, trial, at, speed=speed, columns=nothing)
-            total -= kalman.log_likelihood(problem)
+            total += kalman.log_likelihood(problem)
         return total
 
-    start = (np.log([getattr(settings, name) for name in names]) - median) / spread
-    best = minimize(
-        cost, start, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(names), options={"eps": 1e-3, "ftol": ENOUGH}
-    )
-    found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
-    if "sigma_w" not in names:
-        return Noise(settings._replace(**found))
-    open_ = covariance(cost, best.x) * np.outer(spread, spread)
-    found["sigma_w"] *= float(np.exp(open_[0, 0]))
-    found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
+    median = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
+    settings, open_ = most_probable(settings, median, {name: SEARCHED[name] for name in names}, log_likelihood)
+    if not open_.size:
+        return Noise(settings)
     series, force, at = *stretches[0], paths[0]
     settings = levelled(
-        settings._replace(**found),
+        settings,
         ~(series.manoeuvre | series.afloat),
         lambda trial: linearise(series, force, craft, trial, at, speed=speed, columns=nothing)[0],
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,42 +56,72 @@ def likeliest(
 ) -> tuple[Settings, np.ndarray]:
     """Return settings with the noise levels `SEARCHED` at their most probable values, and what is open of those.
 
-    How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So the
-    variances are means over their posterior (log-normal, by the curvature at its maximum) in place of the values at
-    the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's unsteadiness. What is not known
-    of them widens the intervals; how far the estimate itself moves with them is for `moved` to tell.
+    As from `most_probable`, by the kinematic model along the trajectory `at`.
+    """
+    calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
+    settings = settings._replace(sigma_w=WATER)
+
+    def log_likelihood(trial: Settings) -> float:
+        return kalman.log_likelihood(linearise(calm, polar, trial, at, Sources(speed, fixes=False)))
+
+    return most_probable(settings, settings, SEARCHED, log_likelihood)
+
+
+def most_probable(
+    start: Settings, median: Settings, searched: Mapping[str, float], log_likelihood: Callable[[Settings], float]
+) -> tuple[Settings, np.ndarray]:
+    """Return settings with some noise levels at the maximum of likelihood times prior, and what is open of those.
+
+    How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So where
+    the water is searched, variances are means over their posterior (log-normal, by the curvature at its maximum) in
+    place of the values at the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's
+    unsteadiness. What is not known of them widens the intervals; how far the estimate itself moves with them is for
+    `moved` to tell.
+
+    Parameters
+    ----------
+    start
+        Where the search begins; all that is not searched stays.
+    median
+        Medians of the prior.
+    searched
+        1-sigma of the logarithm of each of k levels; σ and τ of w_w are first, or absent.
+    log_likelihood
+        Of the measurements at any settings.
 
     Returns
     -------
     settings : Settings
         Noise levels.
     covariance : ndarray
-        Of the logarithms of those searched, shape (5, 5).
+        Of the logarithms of those searched, shape (k, k); (0, 0) where the water is not among them.
     """
-    calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
-    settings = settings._replace(sigma_w=WATER)
-    names = list(SEARCHED)
-    median = np.log([getattr(settings, name) for name in names])
-    spread = np.array(list(SEARCHED.values()))
+    names, spread = list(searched), np.array(list(searched.values()))
+    middle, first = (np.log([getattr(levels, name) for name in names]) for levels in (median, start))
+
+    def levels(u: np.ndarray) -> dict[str, float]:
+        return dict(zip(names, np.exp(middle + spread * u).tolist(), strict=True))
 
     def cost(u: np.ndarray) -> float:
-        trial = settings._replace(**dict(zip(names, np.exp(median + spread * u).tolist(), strict=True)))
-        problem = linearise(calm, polar, trial, at, Sources(speed, fixes=False))
-        return 0.5 * float(u @ u) - kalman.log_likelihood(problem)
+        return 0.5 * float(u @ u) - log_likelihood(start._replace(**levels(u)))
 
     best = minimize(
         cost,
-        np.zeros(len(names)),
+        (first - middle) / spread,
         method="L-BFGS-B",
         bounds=[(-4.0, 4.0)] * len(names),
         options={"eps": 1e-3, "ftol": ENOUGH},
     )
-    found = dict(zip(names, np.exp(median + spread * best.x).tolist(), strict=True))
-    spread_of = covariance(cost, best.x) * np.outer(spread, spread)
-    found["sigma_w"] *= float(np.exp(spread_of[0, 0]))
-    found["tau_w"] *= float(np.exp(0.5 * spread_of[1, 1] + 2.0 * spread_of[0, 1]))
-    found["unsteadiness"] *= float(np.exp(0.5 * spread_of[2, 2]))
-    return settings._replace(**found), spread_of
+    found = levels(best.x)
+    if "sigma_w" not in found:
+        return start._replace(**found), np.empty((0, 0))
+    open_ = covariance(cost, best.x) * np.outer(spread, spread)
+    found["sigma_w"] *= float(np.exp(open_[0, 0]))
+    found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
+    if "unsteadiness" in found:
+        k = names.index("unsteadiness")
+        found["unsteadiness"] *= float(np.exp(0.5 * open_[k, k]))
+    return start._replace(**found), open_
 
 
 def levelled(settings: Settings, steady: np.ndarray, problem_of: Callable[[Settings], Problem]) -> Settings:
