@@ -76,7 +76,6 @@ def local(count: int) -> Workers:
     """Return workers on this machine, `count` processes that end when this one does and share its cores."""
 
     def make() -> Executor:
-        os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
         return ProcessPoolExecutor(count, mp_context=_context(), initializer=_settle)
 
     return Workers(make, count, max(1, cores() // count))
@@ -108,6 +107,8 @@ def beside(threads: int) -> Iterator[Callable[..., Callable[[], Any]]]:
 
 
 def _context() -> BaseContext:
+    """Return how processes are started; the first start settles what all later ones find in their environment."""
+    os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
     methods = multiprocessing.get_all_start_methods()
     return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import types
 from concurrent.futures import Executor, Future
@@ -19,6 +20,17 @@ def test_a_worker_leaves_interrupts_to_its_parent_and_computes_on_one_thread() -
     with local(1) as workers:
         assert workers.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         assert {workers.submit(os.getenv, name).result() for name in ONE_THREAD} == {"1"}
+
+
+def test_workers_compute_on_one_thread_whatever_was_started_before_them() -> None:
+    program = (
+        "import os; from pipeline.workers import ONE_THREAD, beside, local\n"
+        "with beside(2) as start: start(os.getpid)()\n"
+        "with local(1) as workers: print({workers.submit(os.getenv, name).result() for name in ONE_THREAD})\n"
+    )
+    bare = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
+    told = subprocess.run([sys.executable, "-c", program], env=bare, capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "{'1'}"
 
 
 def test_a_task_is_done_beside_only_where_there_is_a_core_for_it() -> None:
