@@ -108,7 +108,7 @@ def integrated(sigma: float, tau: float, dt: float, phi: float) -> tuple[float, 
 
 
 @njit(cache=True, nogil=True)
-def change_of_glide(moved: np.ndarray, best: np.ndarray, speed: float, pitch: float, guess: float) -> float:
+def change_of_glide(moved: np.ndarray, known: np.ndarray, speed: float, pitch: float) -> float:
     """Return the change of a glide's α, rad, per 1-sigma of a coefficient: half of that between up and down.
 
     With 1-sigma of 20 to 50 % α is far from linear in lift and drag; the difference upwards alone is a fifth short of
@@ -118,21 +118,21 @@ def change_of_glide(moved: np.ndarray, best: np.ndarray, speed: float, pitch: fl
     ----------
     moved
         The two polars, shape (2, 5).
-    best
-        Their flattest glides, shape (2, 4), filled where NaN; where drag depends on speed, each time.
+    known
+        What is known of their glides, shape (2, 7), NaN at first and brought up to date: the flattest ones, and α, its
+        slope in pitch and pitch of the last one looked for, with which the search begins.
     speed, pitch
         V [m/s] and θ [rad].
-    guess
-        Angle of attack near those looked for, rad; NaN: none.
     """
     change = 0.0
     for side in range(2):
         polar = Polar(moved[side, 0], moved[side, 1], moved[side, 2], moved[side, 3], moved[side, 4])
-        drag_0, known = parasite(polar, speed), best[side]
-        if polar.drag_exponent != 0.0 or math.isnan(known[0]):
-            known[0], known[1], known[2], known[3] = best_glides(polar, drag_0)
-        glides = Best(known[0], known[1], known[2], known[3])
-        alpha = glide_near(polar, drag_0, glides, speed, pitch, guess)[0]
+        drag_0, of = parasite(polar, speed), known[side]
+        if polar.drag_exponent != 0.0 or math.isnan(of[0]):
+            of[0], of[1], of[2], of[3] = best_glides(polar, drag_0)
+        guess = of[4] + of[5] * (pitch - of[6])
+        alpha, of[5], _, _ = glide_near(polar, drag_0, Best(of[0], of[1], of[2], of[3]), speed, pitch, guess)
+        of[4], of[6] = alpha, pitch
         change += 0.5 * alpha if side == 0 else -0.5 * alpha
     return change
 
@@ -154,8 +154,8 @@ def _fill(
     """Fill F, shift and Q along the trajectory; `moved` holds the polars of the considered parameters."""
     m, n = decay.shape
     c = moved.shape[0]
-    drag_0, alpha, dt_0 = parasite(polar, 1.0), math.nan, -1.0
-    best, best_moved = best_glides(polar, drag_0), np.full((c, 2, 4), np.nan)
+    drag_0, alpha, by_pitch, before, dt_0 = parasite(polar, 1.0), math.nan, 0.0, 0.0, -1.0
+    best, known = best_glides(polar, drag_0), np.full((c, 2, 7), np.nan)
     phi_w = 1.0
     for k in range(m - 1):
         pause = course.time[k + 1] - course.time[k]
@@ -165,7 +165,9 @@ def _fill(
         if polar.drag_exponent != 0.0:
             drag_0 = parasite(polar, v)
             best = best_glides(polar, drag_0)
+        alpha += by_pitch * (pitch - before)
         alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, pitch, alpha)
+        before = pitch
         share = 0.0 if powered else 1.0  # under power the closure says only how far α may be from zero
         gamma = pitch - share * alpha - at.slip[k]
         sine, cosine = math.sin(gamma), math.cos(gamma)
@@ -245,7 +247,7 @@ def _fill(
                 q[SPEED] = s.speed_drift_manoeuvre * dt
         if not powered and not surfaced:
             for i in range(c):
-                change = change_of_glide(moved[i], best_moved[i], v, pitch, alpha)
+                change = change_of_glide(moved[i], known[i], v, pitch)
                 b[0, 2 + i] = v * cosine * change * dt
                 if n > EAST:
                     b[2, 2 + i] = along[0] * v * sine * change * dt

@@ -150,8 +150,8 @@ def _describe(
 ) -> None:
     """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
     m, _, columns = mean.shape
-    change, best_moved = np.empty((6, columns - 1)), np.full((len(moved), 2, 4), np.nan)
-    drag_0, glide = parasite(polar, 1.0), math.nan
+    change, known = np.empty((6, columns - 1)), np.full((len(moved), 2, 7), np.nan)
+    drag_0, glide, by_pitch, before = parasite(polar, 1.0), math.nan, 0.0, 0.0
     best = best_glides(polar, drag_0)
     for k in range(m):
         x, P = mean[k], covariance[k]
@@ -160,11 +160,14 @@ def _describe(
         if polar.drag_exponent != 0.0:
             drag_0 = parasite(polar, speed)
             best = best_glides(polar, drag_0)
-        glide, by_pitch, by_speed, steady[k] = glide_near(polar, drag_0, best, speed, x[PITCH, 0], glide)
+        pitch = x[PITCH, 0]
+        glide += by_pitch * (pitch - before)
+        glide, by_pitch, by_speed, steady[k] = glide_near(polar, drag_0, best, speed, pitch, glide)
+        before = pitch
         share = 0.0 if powered[k] else 1.0
         alpha = share * glide + x[SLIP, 0]
-        state[0, k], state[1, k], state[2, k] = x[source, 0], x[PITCH, 0], alpha
-        state[3, k], state[4, k], state[5, k] = x[PITCH, 0] - alpha, x[WATER, 0], x[DEPTH, 0]
+        state[0, k], state[1, k], state[2, k] = x[source, 0], pitch, alpha
+        state[3, k], state[4, k], state[5, k] = pitch - alpha, x[WATER, 0], x[DEPTH, 0]
         a, b = share * by_speed, share * by_pitch  # α in V and θ; in δ it is 1
         across = a * P[source, PITCH] + b * P[PITCH, PITCH] + P[SLIP, PITCH]
         var_alpha = a * a * P[source, source] + b * b * P[PITCH, PITCH] + P[SLIP, SLIP]
@@ -175,7 +178,7 @@ def _describe(
         for q in range(columns - 1):
             direct = 0.0
             if 0 < q < 1 + len(moved) and not powered[k]:
-                direct = change_of_glide(moved[q - 1], best_moved[q - 1], speed, x[PITCH, 0], glide)
+                direct = change_of_glide(moved[q - 1], known[q - 1], speed, pitch)
             change[0, q], change[1, q] = x[source, 1 + q], x[PITCH, 1 + q]
             change[2, q] = a * x[source, 1 + q] + b * x[PITCH, 1 + q] + x[SLIP, 1 + q] + direct
             change[3, q], change[4, q] = change[1, q] - change[2, q], x[WATER, 1 + q]

@@ -18,18 +18,25 @@ from pipeline.vehicle import Polar
 
 #: The closure is used for glides steeper than this pitch (rad) only, whatever the polar.
 LEAST_PITCH = 0.03
-#: Within this of the pitch asked for (rad, times the square of the slope) a step of Newton's leaves nothing to go.
-CLOSE = 1e-9
+#: Within this of the pitch asked for (rad, times the square of the slope) a step of Newton's leaves 1e-12 rad to go.
+CLOSE = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def _pitch_at(polar: Polar, drag_0: float, side: float, b: float) -> tuple[float, float]:
-    """Return pitch and its slope in b of the glide whose α lies b from zero lift, on the `side` of a climb (1)."""
+def _slope_at(polar: Polar, drag_0: float, side: float, b: float) -> float:
+    """Return the slope of the pitch in b of the glide whose α lies b from zero lift, on the `side` of a climb (1)."""
     alpha = -polar.lift_at_zero / polar.lift_slope - side * b
     drag = drag_0 + polar.induced_drag * alpha**2
     lift = polar.lift_slope * b
     bend = (-2.0 * polar.induced_drag * alpha * side * lift - drag * polar.lift_slope) / (drag**2 + lift**2)
-    return side * math.atan2(drag, lift) + alpha, side * (bend - 1.0)
+    return side * (bend - 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _pitch_at(polar: Polar, drag_0: float, side: float, b: float) -> float:
+    """Return the pitch, rad, of that glide."""
+    alpha = -polar.lift_at_zero / polar.lift_slope - side * b
+    return side * math.atan2(drag_0 + polar.induced_drag * alpha**2, polar.lift_slope * b) + alpha
 
 
 @njit(cache=True, nogil=True)
@@ -37,7 +44,7 @@ def _flattest(polar: Polar, drag_0: float, side: float) -> float:
     """Return b = |α − α_0| of the flattest glide that is described: the best glide, nose above (below) the horizon."""
     alpha_0 = -polar.lift_at_zero / polar.lift_slope
     b = math.sqrt((drag_0 + polar.induced_drag * alpha_0**2) / polar.induced_drag)
-    while side * _pitch_at(polar, drag_0, side, b)[0] < LEAST_PITCH:
+    while side * _pitch_at(polar, drag_0, side, b) < LEAST_PITCH:
         b *= 0.9
     return b
 
@@ -50,8 +57,7 @@ def _glide_lift(polar: Polar, drag_0: float, side: float, pitch: float, flattest
     if not 0.0 < b < flattest:
         b = min(flattest, drag_0 / polar.lift_slope / max(math.tan(min(abs(pitch), 1.5)), 0.1))
     for _ in range(60):
-        found, slope = _pitch_at(polar, drag_0, side, b)
-        gap = side * (found - pitch)
+        gap, slope = side * (_pitch_at(polar, drag_0, side, b) - pitch), _slope_at(polar, drag_0, side, b)
         if gap > 0.0:
             low = b
         else:
@@ -80,7 +86,7 @@ class Best(NamedTuple):
 def best_glides(polar: Polar, drag_0: float) -> Best:
     """Return the flattest glides of a polar whose parasite drag is `drag_0` V², kg/m."""
     up, down = _flattest(polar, drag_0, 1.0), _flattest(polar, drag_0, -1.0)
-    return Best(up, down, _pitch_at(polar, drag_0, 1.0, up)[0], _pitch_at(polar, drag_0, -1.0, down)[0])
+    return Best(up, down, _pitch_at(polar, drag_0, 1.0, up), _pitch_at(polar, drag_0, -1.0, down))
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +120,7 @@ def glide_near(
     side = 1.0 if pitch >= best.up_pitch else -1.0
     flattest = best.up if side > 0.0 else best.down
     b = _glide_lift(polar, drag_0, side, pitch, flattest, side * (alpha_0 - guess))
-    slope = _pitch_at(polar, drag_0, side, b)[1]
+    slope = _slope_at(polar, drag_0, side, b)
     alpha = alpha_0 - side * b
     drag, lift = drag_0 + polar.induced_drag * alpha**2, polar.lift_slope * b
     by_drag = side * lift * drag_0 / (drag**2 + lift**2)  # of pitch, per relative change of drag_0
@@ -157,11 +163,12 @@ def glide_angles(
     exists = np.empty(n, dtype=np.bool_)
     drag_0 = parasite(polar, 1.0)
     best = best_glides(polar, drag_0)
-    guess = math.nan
+    guess, slope, before = math.nan, 0.0, 0.0
     for i in range(n):
         if polar.drag_exponent != 0.0:
             drag_0 = parasite(polar, speed[i])
             best = best_glides(polar, drag_0)
-        guess, by_pitch[i], by_speed[i], exists[i] = glide_near(polar, drag_0, best, speed[i], pitch[i], guess)
-        alpha[i] = guess
+        guess += slope * (pitch[i] - before)
+        guess, slope, by_speed[i], exists[i] = glide_near(polar, drag_0, best, speed[i], pitch[i], guess)
+        alpha[i], by_pitch[i], before = guess, slope, pitch[i]
     return alpha, by_pitch, by_speed, exists
