@@ -144,7 +144,8 @@ class TableWriter:
             for column in columns
         ]
         self._schema = pa.schema(fields, metadata={**(plain.metadata or {}), **metadata})
-        self._writer = pq.ParquetWriter(file, self._schema, compression="zstd")
+        few = [column.name for column in columns if not column.dtype.startswith(("float", "datetime"))]
+        self._writer = pq.ParquetWriter(file, self._schema, compression="zstd", use_dictionary=few)
 
     def write(self, frame: pd.DataFrame) -> None:
         """Append the rows of `frame`; those of one call are never compressed together with those of the next."""
