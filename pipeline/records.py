@@ -204,7 +204,9 @@ def conform(frame: pd.DataFrame, columns: tuple[Column, ...]) -> pd.DataFrame:
             out[column.name] = frame[column.name].astype(dtype)
         else:
             out[column.name] = pd.Series(_missing(column), index=frame.index, dtype=dtype)
-    return pd.DataFrame(out, index=frame.index).reset_index(drop=True)
+    made = pd.DataFrame(out, index=frame.index, copy=False)  # each is a copy already, or becomes one when written to
+    made.index = pd.RangeIndex(len(made))
+    return made
 
 
 def _missing(column: Column) -> Any:

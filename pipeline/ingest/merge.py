@@ -51,8 +51,11 @@ def merged(streams: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
             column = np.full(instants.size, np.nan)
         column[rows[k]] = values
         columns[name] = column
-    table = pd.DataFrame(columns)
-    told = table.drop(columns=["time", *(name for name in owner if name.endswith("_qc"))]).notna().any(axis=1)
+    table = pd.DataFrame(columns, copy=False)
+    told = np.zeros(instants.size, dtype=bool)
+    for name in owner:
+        if not name.endswith("_qc"):
+            told |= ~np.isnan(columns[name])
     return table[told].reset_index(drop=True) if not told.all() else table, findings
 
 
