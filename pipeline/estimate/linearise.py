@@ -15,11 +15,11 @@ from pipeline.estimate.settings import Settings
 from pipeline.model.closure import Best, best_glides, glide_near, parasite
 from pipeline.vehicle import Polar
 
-#: States, in order; the last five only where there are fixes and a heading. CRUISE is the speed of powered level
-#: flight: at one propeller setting it is the same from one stretch to the next.
+#: States, in order; the last five only where there are fixes and a heading, and the last of them only where there is
+#: powered level flight, whose speed CRUISE is: at one propeller setting it is the same from one stretch to the next.
 SPEED, PITCH, DEPTH, WATER, SLIP, RESPONSE, EAST, NORTH, CURRENT_EAST, CURRENT_NORTH, CRUISE = range(11)
-#: Kinds of measurement, in order, and the state measured; the last four only where there are fixes and a heading.
-#: "continuity" ties V to CRUISE where a cruise begins and ends; the last is a speed sensor's, if used, in a cruise.
+#: Kinds of measurement, in order, and the state measured; the last four only where these states are. "continuity" ties
+#: V to CRUISE where a cruise begins and ends; the last is a speed sensor's, if used, in a cruise.
 MEASURED = {
     "depth": DEPTH,
     "pitch": PITCH,
@@ -242,7 +242,8 @@ def _fill(
                 if pause > LONGEST:
                     q[EAST + i] += ANYWHERE**2
                 q[CURRENT_EAST + i] = s.current_drift * dt
-            q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
+            if n > CRUISE:
+                q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
             if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
                 q[SPEED] = s.speed_drift_manoeuvre * dt
         if not powered and not surfaced:
@@ -318,11 +319,14 @@ def linearise(
     Returns
     -------
     Problem
-        With 6 states, or 11 with fixes; then one for the bias of a gyro, and one, the last, for the scale of a speed
-        sensor.
+        With 6 states, or 10 with fixes, or 11 with powered level flight too; then one for the bias of a gyro, and one,
+        the last, for the scale of a speed sensor.
     """
     m, s = series.time.size, settings
-    n, p = (11, 6 + sources.speed) if sources.fixes else (6, 3)
+    n, p = (10, 5) if sources.fixes else (6, 3)
+    cruises = sources.fixes and bool(series.cruising.any())
+    if cruises:
+        n, p = 11, 6 + sources.speed
     moved = considered.polars if considered else np.empty((0, 2, 5))
     c = 1 + len(moved) if considered else 0
     coupled = np.array([DEPTH, SPEED, EAST, NORTH] if sources.fixes else [DEPTH, SPEED])
@@ -352,6 +356,7 @@ def linearise(
     if sources.fixes:
         observed[:, 3], observed[:, 4] = series.east, series.north
         variance[:, 3:5] = s.fix_noise**2
+    if cruises:
         seen[5, 1], weight[5, 1] = CRUISE, -1.0
         bounds = np.diff(series.cruising, append=False) | np.diff(series.cruising, prepend=False)
         observed[bounds & series.cruising, 5], variance[:, 5] = 0.0, s.continuity**2
@@ -361,7 +366,7 @@ def linearise(
     mean = np.zeros(n)
     mean[SPEED], mean[PITCH] = at.speed[0], at.pitch[0]
     mean[DEPTH], mean[RESPONSE] = depth_at_start(series), s.response
-    if sources.fixes:
+    if cruises:
         mean[CRUISE] = float(np.median(at.speed))
     flight = [s.initial_speed, 0.2, 5.0, s.sigma_w, s.slip_manoeuvre, s.response]
     spread = np.array([*flight, 1e3, 1e3, s.initial_current, s.initial_current, s.initial_speed])
@@ -384,5 +389,5 @@ def linearise(
     problem = with_rate(problem, series.time, PITCH, moving.turn, seen_turning, (s.gyro_bias, s.gyro_bias_drift))
     if not sources.speed:
         return problem
-    kinds = (2, 6) if sources.fixes else (2,)
+    kinds = (2, 6) if cruises else (2,)
     return with_scale(problem, series.time, at.speed, at.scale, s.speed_scale, kinds)

@@ -83,7 +83,7 @@ def iterate(
     for _ in range(times):
         mean = solve(linearise(series, polar, settings, at, sources), whole=False).mean[:, :, 0]
         speed = mean[:, SPEED]
-        if sources.fixes:
+        if sources.fixes and series.cruising.any():
             speed = np.where(series.cruising, mean[:, CRUISE], speed)
         speed = np.clip(speed, SLOWEST, FASTEST)
         stands = still(series, speed, at.speed)
