@@ -32,9 +32,10 @@ from pipeline.vehicle import Polar
 
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
 SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
-#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s), a tenth of the 1-sigma that
-#: V has at best. Each step is some five times smaller than the one before, and the last solution is one step more.
-STILL = 1e-3
+#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s) in steady flight, and in
+#: manoeuvres: a tenth of the 1-sigma that V has at best. Each step is some five times smaller than the one before, and
+#: the last solution is one step more.
+STILL, STILL_MANOEUVRE = 1e-3, 5e-3
 
 
 class Solve(Protocol):
@@ -99,7 +100,8 @@ def iterate(
 
 def still(series: Series, speed: np.ndarray, before: np.ndarray) -> bool:
     """Return whether V, m/s, shape (m,), is where it was `before`; afloat it means nothing."""
-    return bool(np.all((np.abs(speed - before) <= STILL) | series.afloat))
+    most = np.where(series.manoeuvre, STILL_MANOEUVRE, STILL)
+    return bool(np.all((np.abs(speed - before) <= most) | series.afloat))
 
 
 def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:
