@@ -5,13 +5,13 @@ A long mission's tables are ten times as large as what any one figure or sentenc
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, overload
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 if TYPE_CHECKING:
@@ -38,10 +38,10 @@ class Table:
     def __init__(self, path: Path, method: str | None = None) -> None:
         self._path = path
         self._metadata = pq.read_metadata(path)
+        self._ends = np.cumsum([self._metadata.row_group(k).num_rows for k in range(self._metadata.num_row_groups)])
         self._rows: NDArray[np.bool_] = np.ones(self._metadata.num_rows, dtype=bool)
         if method is not None:
-            same = pc.equal(self._read(["method"]).column(0).cast(pa.string()), method)
-            self._rows = same.to_numpy().astype(bool)
+            self._rows = (self._take(self._rows, ["method"])["method"] == method).to_numpy()
         self._size = int(self._rows.sum())
 
     def __len__(self) -> int:
@@ -60,28 +60,23 @@ class Table:
         if isinstance(key, str):
             return self[[key]][key]
         if isinstance(key, list):
-            return _frame(self._read(key), self._rows)
+            return self._take(self._rows, key)
         rows = self._rows.copy()
         rows[rows] = key
-        ends = np.cumsum([self._metadata.row_group(k).num_rows for k in range(self._metadata.num_row_groups)])
-        starts = np.concatenate([[0], ends[:-1]])
-        groups = [k for k in range(ends.size) if rows[starts[k] : ends[k]].any()]
-        kept = np.concatenate([rows[:0], *(rows[starts[k] : ends[k]] for k in groups)])
-        return _frame(self._open().read_row_groups(groups, use_threads=False), kept)
+        return self._take(rows)
 
-    def _open(self) -> pq.ParquetFile:
+    def _take(self, rows: NDArray[np.bool_], names: list[str] | None = None) -> pd.DataFrame:
+        """Return some rows and columns, read from the parts of the file that hold any of those rows."""
         texts = [name for name in TEXTS if name in self._metadata.schema.names]
-        return pq.ParquetFile(self._path, metadata=self._metadata, read_dictionary=texts, pre_buffer=False)
-
-    def _read(self, names: list[str]) -> pa.Table:
-        return self._open().read(columns=names, use_threads=False)
+        file = pq.ParquetFile(self._path, metadata=self._metadata, read_dictionary=texts, pre_buffer=False)
+        parts = [(k, rows[start:end]) for k, (start, end) in enumerate(pairwise([0, *self._ends]))]
+        held = [(k, part) for k, part in parts if part.any()]
+        table = file.read_row_groups([k for k, _part in held], columns=names, use_threads=False)
+        kept = np.concatenate([rows[:0], *(part for _k, part in held)])
+        chosen = table if kept.all() else table.filter(pa.array(kept))
+        frame: pd.DataFrame = chosen.unify_dictionaries().to_pandas(use_threads=False)
+        return frame
 
 
 #: A table at hand, or in a file.
 Columns: TypeAlias = pd.DataFrame | Table
-
-
-def _frame(table: pa.Table, rows: NDArray[np.bool_]) -> pd.DataFrame:
-    kept = table if rows.all() else table.filter(pa.array(rows))
-    frame: pd.DataFrame = kept.unify_dictionaries().to_pandas(use_threads=False)
-    return frame

@@ -55,21 +55,39 @@ def test_columns_and_rows_are_those_of_the_frame(frame: pd.DataFrame, path: Path
         assert_same(table[mask], expected[mask])
 
 
-def test_only_the_parts_that_hold_the_rows_are_read(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list to which the number of every part that is read is added."""
     import pyarrow.parquet as pq
 
-    read: list[int] = []
+    numbers: list[int] = []
     before = pq.ParquetFile.read_row_groups
 
     def watched(file: pq.ParquetFile, groups: list[int], **settings: bool) -> object:
-        read.extend(groups)
+        numbers.extend(groups)
         return before(file, groups, **settings)
 
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", watched)
+    return numbers
+
+
+def test_only_the_parts_that_hold_the_rows_are_read(path: Path, read: list[int]) -> None:
+    table = Table(path, "kinematic")
+    read.clear()
     rows = np.zeros(350, dtype=bool)
     rows[[60, 110]] = True
-    assert len(Table(path, "kinematic")[rows]) == 2
+    assert len(table[rows]) == 2
     assert read == [1, 2]
+
+
+def test_only_the_parts_that_hold_the_method_are_read(frame: pd.DataFrame, tmp_path: Path, read: list[int]) -> None:
+    with store.table_writer(tmp_path / "estimates.parquet", ESTIMATES) as writer:
+        for first in range(0, len(frame), 50):
+            writer.write(frame.iloc[first : first + 50])
+    table = Table(tmp_path / "estimates.parquet", "force")
+    read.clear()
+    assert len(table["speed"]) == 350
+    assert read == [1, 3, 5, 7, 9, 11, 13]
 
 
 def test_a_table_without_rows_is_empty(tmp_path: Path) -> None:
