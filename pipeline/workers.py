@@ -25,6 +25,10 @@ ONE_THREAD = dict.fromkeys(
 )
 
 
+#: Memory let go of stays with the process, which needs as much again for the next part or picture: what was given back
+#: has to be filled with zeros page by page. For the C library of GNU; others do not look at it.
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**32), "MALLOC_TRIM_THRESHOLD_": str(2**32), "MALLOC_ARENA_MAX": "1"}
+
 #: The process that cleans up after a run that was interrupted or killed need not say that it did.
 NO_CLOSING_WORDS = {"PYTHONWARNINGS": "ignore::UserWarning:multiprocessing.resource_tracker"}
 
@@ -108,7 +112,7 @@ def beside(threads: int) -> Iterator[Callable[..., Callable[[], Any]]]:
 
 def _context() -> BaseContext:
     """Return how processes are started; the first start settles what all later ones find in their environment."""
-    os.environ.update({**ONE_THREAD, **NO_CLOSING_WORDS})
+    os.environ.update({**ONE_THREAD, **KEPT_MEMORY, **NO_CLOSING_WORDS})
     methods = multiprocessing.get_all_start_methods()
     return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
 
