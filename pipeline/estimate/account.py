@@ -46,7 +46,10 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         "settings": model.noise.settings._asdict()
         | {"engine": prepared.engine, "pitch_std_deg": prepared.mission.pitch.std_deg},
         "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes, "pitch_rate": turned},
-        "compatibility": parts[0].compatibility if len(parts) == 1 else _joined(parts),
+        "compatibility": {
+            "clock_offset": prepared.clocks,
+            **(parts[0].compatibility if len(parts) == 1 else _joined(parts)),
+        },
     }
     report["speed_scale"] = {
         name: _best([part.speed_scale[name] for part in parts if name in part.speed_scale])

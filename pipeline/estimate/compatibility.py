@@ -14,6 +14,7 @@ sees them; so what is found is reported with the line of mission.yaml (`clock_of
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,9 +63,9 @@ class Compatibility:
         The corrected series: spikes NaN, significant corrections of pitch and depth applied; the one given if nothing
         was applied.
     report
-        ``pitch_bias``, ``pitch_scale``, ``clock_offset``, ``pressure_offset``, ``pressure_lag``, ``outliers``, each
-        with ``value``, ``std``, ``unit``, ``significant``, ``applied``, ``reason``; ``value`` is None where the data
-        do not determine it. ``outliers`` has also ``instruments``: count and first values of each.
+        ``pitch_bias``, ``pitch_scale``, ``pressure_offset``, ``pressure_lag``, ``outliers``, each with ``value``,
+        ``std``, ``unit``, ``significant``, ``applied``, ``reason``; ``value`` is None where the data do not determine
+        it. ``outliers`` has also ``instruments``: count and first values of each.
     findings
         What a person should know, or do.
     """
@@ -105,7 +106,6 @@ def reconcile(records: pd.DataFrame, series: Series, vehicle: Vehicle, mission: 
     if flags:
         records = records.assign(**flags)
         series = from_records(records)
-    report["clock_offset"] = _clock_offset(series, mission, findings)
     report["pressure_lag"] = _entry(
         "s", reason="with one pressure sensor a lag cannot be told from the offset between the clocks: see clock_offset"
     )
@@ -217,33 +217,47 @@ def _listed(series: Series, spikes: dict[str, np.ndarray], findings: list[Findin
     }
 
 
-def _clock_offset(series: Series, mission: Mission, findings: list[Finding]) -> Entry:
-    """Return the report on the seconds to add to the clock of pressure, with a finding if they are significant."""
-    depth, pitch = np.isfinite(series.depth), np.isfinite(series.pitch)
-    found = lag(series.time[depth], series.depth[depth], series.powered[depth], series.time[pitch], series.pitch[pitch])
+def clock_offset(stretches: Sequence[Series], mission: Mission) -> tuple[Entry, list[Finding]]:
+    """Return the report on the seconds to add to the clock of pressure, with a finding if they are significant.
+
+    Parameters
+    ----------
+    stretches
+        Parts of a mission as `reconcile` leaves them, in order, one at least.
+    mission
+        `clock_offset` that ingest has added.
+    """
+    findings: list[Finding] = []
+    first = stretches[0].start
+    time = np.concatenate([series.time + (series.start - first) for series in stretches])
+    value, angle, driven = (
+        np.concatenate([getattr(series, name) for series in stretches]) for name in ("depth", "pitch", "powered")
+    )
+    depth, pitch = np.isfinite(value), np.isfinite(angle)
+    found = lag(time[depth], value[depth], driven[depth], time[pitch], angle[pitch])
     entry = _entry("s", found.value, found.std, reason=found.reason)
     entry["windows"] = found.windows
     if pitch.any() and float(np.mean(depth[pitch])) > SHARED:
         shared = "pitch and pressure are in the same records: an offset would be a sensor's delay, not a clock's"
         entry["reason"] = f"{entry['reason']}; {shared}" if entry["reason"] else shared
     if entry["significant"]:
-        value, std = float(entry["value"]), float(entry["std"])
-        told = f"{mission.clock_offset + value:.1f}"
+        offset, std = float(entry["value"]), float(entry["std"])
+        told = f"{mission.clock_offset + offset:.1f}"
         remedy = f"set clock_offset: {told} in mission.yaml if the clocks are to blame"
         findings.append(
             Finding(
                 "warning",
                 "pressure record",
                 "time",
-                f"depth that bends {abs(value):.1f} ± {std:.1f} s "
-                f"{'before' if value > 0.0 else 'after'} the pitch does",
+                f"depth that bends {abs(offset):.1f} ± {std:.1f} s "
+                f"{'before' if offset > 0.0 else 'after'} the pitch does",
                 "at once",
                 remedy,
             )
         )
         why = f"not applied: ingest merges the clocks; {remedy}"
         entry["reason"] = f"{why}; {entry['reason']}" if entry["reason"] else why
-    return entry
+    return entry, findings
 
 
 def _pressure_offset(records: pd.DataFrame, series: Series, findings: list[Finding]) -> tuple[Entry, float]:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.estimate import adjust, force, kinematic, smoother
 from pipeline.estimate.ballast import Hull
-from pipeline.estimate.compatibility import reconcile
+from pipeline.estimate.compatibility import clock_offset, reconcile
 from pipeline.estimate.craft import Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import Series, from_records
@@ -38,6 +38,7 @@ class Prepared(NamedTuple):
     body: Hull | None
     adjusted: Adjusted | None
     reason: str  # why there is no force model, where there is none
+    clocks: dict[str, Any]  # the report on the offset between the clocks of pressure and pitch
     findings: list[Finding]
 
 
@@ -71,13 +72,15 @@ def prepare(
         As in `stage.estimate`; the two estimators can be prepared at the same time.
     """
     found = [reconcile(records, from_records(records), vehicle, mission).series for records in stretches]
+    clocks, doubts = clock_offset(found, mission)
+    findings = [*body[1], *doubts]
     located = mission.gps == "use" and any(series.located for series in found)
 
     def prepared() -> kinematic.Model:
         return kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located)
 
     if "force" not in methods:
-        return Prepared(vehicle, mission, engine, prepared(), body[0], None, "not asked for", body[1])
+        return Prepared(vehicle, mission, engine, prepared(), body[0], None, "not asked for", clocks, findings)
     if threads == 1:
         model, (adjusted, reason) = prepared(), _adjusted(stretches, found, vehicle, mission, body[0])
     else:
@@ -85,7 +88,7 @@ def prepare(
             waiting = pool.submit(prepared)
             adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0])
             model = waiting.result()
-    return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, body[1])
+    return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, clocks, findings)
 
 
 def _solver(engine: str) -> Solve:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from benchmarks.truth import lay_out
 from pipeline import instruments, mission, simulate, trials, vehicle
-from pipeline.estimate.compatibility import SIGNIFICANT, Compatibility, reconcile
+from pipeline.estimate.compatibility import SIGNIFICANT, Compatibility, clock_offset, reconcile
 from pipeline.estimate.lag import lag
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.spikes import depth_spikes, out_and_back, pitch_spikes, speed_spikes
@@ -166,22 +166,29 @@ def test_no_offset_is_invented_in_the_field_trials(name: str) -> None:
 
 def test_a_found_offset_names_the_key_that_sets_it_right_and_the_key_does(plain: Flown, tmp_path: Path) -> None:
     wrong = fly(tmp_path / "wrong", plan(3), 3, ctd_behind=4.0)
-    got = wrong.reconciled(CHECK)
-    entry = got.report["clock_offset"]
+    entry, findings = clock_offset([wrong.series], CHECK)
     assert entry["value"] == pytest.approx(4.0, abs=SIGNIFICANT * entry["std"])
     assert entry["significant"]
     assert not entry["applied"]
-    assert f"set clock_offset: {entry['value']:.1f} in mission.yaml" in "\n".join(str(item) for item in got.findings)
+    assert f"set clock_offset: {entry['value']:.1f} in mission.yaml" in "\n".join(str(item) for item in findings)
     right = fly(tmp_path / "right", plan(3), 3, ctd_behind=4.0, yaml="clock_offset: 4.0\n")
     pd.testing.assert_frame_equal(right.records, plain.records)
-    assert not right.reconciled(CHECK).report["clock_offset"]["significant"]
+    assert not clock_offset([right.series], CHECK)[0]["significant"]
+
+
+def test_an_offset_is_read_off_parts_of_a_mission_as_off_the_whole(tmp_path: Path) -> None:
+    late = fly(tmp_path / "late", plan(3), 3, ctd_behind=4.0)
+    half = len(late.records) // 2
+    parts = [from_records(late.records[:half]), from_records(late.records[half:])]
+    apart, whole = (clock_offset(stretches, CHECK)[0] for stretches in (parts, [late.series]))
+    assert apart["windows"] == whole["windows"]
+    assert apart["value"] == pytest.approx(whole["value"], abs=0.1 * whole["std"])
 
 
 def test_an_offset_is_added_to_the_one_that_mission_yaml_has(plain: Flown) -> None:
     late = plain.series.time + 5.0
     moved = replace(plain.series, depth=np.interp(late, plain.series.time, plain.true("depth")))
-    got = reconcile(plain.records, moved, PETREL, CHECK.model_copy(update={"clock_offset": 10.0}))
-    entry = got.report["clock_offset"]
+    entry, _ = clock_offset([moved], CHECK.model_copy(update={"clock_offset": 10.0}))
     assert entry["significant"]
     assert entry["value"] == pytest.approx(5.0, abs=SIGNIFICANT * entry["std"])
     assert f"clock_offset: {10.0 + entry['value']:.1f}" in entry["reason"]
@@ -304,8 +311,8 @@ def test_spikes_are_flagged_listed_and_nothing_else_is_lost(plain: Flown) -> Non
         np.testing.assert_array_equal(np.flatnonzero(gone), rows[column])
     assert got.report["outliers"]["value"] == 15
     assert sum("outliers" in finding.found for finding in got.findings) == 3
-    for name in ("clock_offset", "pitch_bias"):
-        assert not got.report[name]["significant"]
+    assert not got.report["pitch_bias"]["significant"]
+    assert not clock_offset([got.series], USE)[0]["significant"]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -435,12 +442,14 @@ def test_hostile_missions_get_a_report_and_no_exception(kind: str, plain: Flown)
     series = harmed.series if len(harmed.records) else plain.series[:0]
     for asked in (CHECK, USE):
         got = reconcile(harmed.records, series, PETREL, asked)
-        assert json.loads(json.dumps(got.report, allow_nan=False)) == got.report
+        clocks, findings = clock_offset([got.series], asked)
+        report = {**got.report, "clock_offset": clocks}
+        assert json.loads(json.dumps(report, allow_nan=False)) == report
         assert got.series.time.size == series.time.size
-        for entry in got.report.values():
+        for entry in report.values():
             assert entry["value"] is not None or entry["reason"]
             assert not entry["applied"] or entry["significant"]
-        assert all(isinstance(finding, Finding) for finding in got.findings)
+        assert all(isinstance(finding, Finding) for finding in [*got.findings, *findings])
 
 
 @settings(max_examples=25)
