@@ -23,6 +23,7 @@ from pipeline.roster import OUTPUTS, REPORTED, STAGES, Job, Outcome, inputs, res
 
 if TYPE_CHECKING:
     from pipeline.mission import Mission
+    from pipeline.report import Inputs
     from pipeline.workers import Workers
 
 #: Keys of mission.yaml that a stage's result does not depend on.
@@ -163,7 +164,7 @@ def _model(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
 
 
 def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
-    from pipeline.report import Inputs, build, coefficients, corrected, og1
+    from pipeline.report import Inputs, build, coefficients, corrected
     from pipeline.report.figures import files
     from pipeline.table import Table
     from pipeline.workers import beside
@@ -183,17 +184,25 @@ def _report(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
         provenance={"stages": {**_before_report(job), "report": dict(described)}},
     )
     with beside(job.threads) as start:
+        exported = start(_export, job, inputs)
         summary, page, pictures = build(inputs, start)
+        exported()
     store.write_json(job.path("summary.json"), summary)
     store.write_text(job.path("report.html"), page)
     files.write(job.path, pictures, {"mission": mission.slug})
     vehicle = corrected.of_mission(inputs)
     store.write_text(job.path(corrected.FILE), corrected.text(vehicle, mission.slug))
     store.write_text(job.path(coefficients.FILE), coefficients.text(vehicle.vehicle, mission.slug))
+
+
+def _export(job: Job, inputs: Inputs) -> None:
+    """Write the estimates as netCDF, where there are any and a package that does it."""
+    from pipeline.report import og1
+
     if og1.missing() is None and len(inputs.records):
         with store.whole(job.path(og1.FILE)) as file:
             methods = {"kinematic": inputs.estimates, "force": inputs.force}
-            og1.write(file, mission, inputs.vehicle, inputs.records, methods)
+            og1.write(file, inputs.mission, inputs.vehicle, inputs.records, methods)
     else:
         job.path(og1.FILE).unlink(missing_ok=True)
 

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import connection
@@ -89,25 +89,30 @@ def local(count: int) -> Workers:
 def beside(threads: int) -> Iterator[Callable[..., Callable[[], Any]]]:
     """Give a function that starts a task, with its arguments, and returns what waits for its result.
 
-    A process beside this one does it; with fewer than two threads to use, or if that process is killed, this one does
-    when the result is waited for.
+    A process beside this one does one task after another. What it has not begun when its result is waited for is done
+    here, so that neither of them is idle: wait for what was started last first. All is done here with fewer than two
+    threads to use, or if that process is killed.
     """
     if threads < 2:
         yield partial
         return
-    with ProcessPoolExecutor(1, mp_context=_context(), initializer=_settle) as executor:
+    with ProcessPoolExecutor(1, mp_context=_context(), initializer=_settle) as executor, ThreadPoolExecutor(1) as queue:
 
         def start(task: Callable[..., T], *arguments: Any) -> Callable[[], T]:
-            future = executor.submit(task, *arguments)
+            future = queue.submit(lambda: executor.submit(task, *arguments).result())
 
             def result() -> T:
-                with suppress(BrokenExecutor):
-                    return future.result()
+                if not future.cancel():
+                    with suppress(BrokenExecutor):
+                        return future.result()
                 return task(*arguments)
 
             return result
 
-        yield start
+        try:
+            yield start
+        finally:
+            queue.shutdown(cancel_futures=True)
 
 
 def _context() -> BaseContext:

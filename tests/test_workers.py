@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import types
 from concurrent.futures import Executor, Future
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,19 +35,36 @@ def test_workers_compute_on_one_thread_whatever_was_started_before_them() -> Non
     assert told.stdout.strip() == "{'1'}"
 
 
-def test_a_task_is_done_beside_only_where_there_is_a_core_for_it() -> None:
+def test_without_a_core_to_spare_a_task_is_done_here() -> None:
     with beside(1) as start:
         assert start(os.getpid)() == os.getpid()
+
+
+def test_a_task_is_done_beside_and_here_what_has_not_been_begun_there(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
     with beside(2) as start:
-        assert start(os.getpid)() != os.getpid()
+        begun, ahead = start(pipe.read_text), start(os.getpid)
+        with pipe.open("w") as file:  # opens when the other end is opened, beside
+            assert ahead() == os.getpid()
+            file.write("told")
+        assert begun() == "told"
 
 
-def test_a_task_whose_process_is_killed_is_done_here() -> None:
-    caught: list[int] = []
+def test_a_task_whose_process_is_killed_is_done_here(tmp_path: Path) -> None:
+    pipe, caught = tmp_path / "pipe", list[int]()
+    os.mkfifo(pipe)
     before = signal.signal(signal.SIGTERM, lambda number, frame: caught.append(number))
+    others = set(multiprocessing.active_children())
     try:
         with beside(2) as start:
-            start(signal.raise_signal, signal.SIGTERM)()  # it ends the process beside, here it is caught
+            begun = start(pipe.read_text)
+            with pipe.open("w"):
+                killed = start(signal.raise_signal, signal.SIGTERM)  # ends the process beside, here it is caught
+                (process,) = set(multiprocessing.active_children()) - others
+            begun()
+            process.join()
+            killed()
     finally:
         signal.signal(signal.SIGTERM, before)
     assert caught == [signal.SIGTERM]

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
     from pipeline.mission import Mission
     from pipeline.report.figures.drawing import Picture
-    from pipeline.report.figures.interactive import Interactive
     from pipeline.table import Columns
     from pipeline.vehicle import Vehicle
 
@@ -81,28 +80,22 @@ def build(inputs: Inputs, start: Callable[..., Callable[[], Any]] = partial) -> 
     inputs
         What the earlier stages hand over.
     start
-        Starts a task, as `pipeline.workers.beside` does: drawing what was flown, while the rest is found out and drawn.
+        Starts a task, as `pipeline.workers.beside` does: to draw a figure.
     """
     from pipeline.report import page
-    from pipeline.report.figures import NO_FIGURE, draw, words
+    from pipeline.report.figures import NO_FIGURE, draw, draw_flown, words
+    from pipeline.report.figures.interactive import interactive
     from pipeline.report.summary import summarise
 
-    drawn = start(_flown, inputs)
+    zoomed, flown = start(interactive, inputs), draw_flown(inputs, start)
     summary, comparison = summarise(inputs)
-    found = draw(inputs, summary, comparison)
-    flown, live = drawn()
-    pictures = {name: (flown if name in flown else found)[name] for name in NO_FIGURE}
+    started = {**flown, **draw(inputs, summary, comparison, start)}
+    drawn = {name: finish() for name, finish in reversed(started.items())}
+    live = zoomed()
+    pictures = {name: drawn[name] for name in NO_FIGURE}
     summary["series"] = live.account if live is not None else None
     summary["figures"] = words(pictures, NO_FIGURE)
     return Report(summary, page.report(summary, pictures, live), pictures)
-
-
-def _flown(inputs: Inputs) -> tuple[dict[str, Picture | None], Interactive | None]:
-    """Return the figures of what was flown, those to look at and the one to zoom into."""
-    from pipeline.report.figures import draw_flown
-    from pipeline.report.figures.interactive import interactive
-
-    return draw_flown(inputs), interactive(inputs)
 
 
 class Index(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -10,6 +10,8 @@ if TYPE_CHECKING:
 
     from pipeline.report import Inputs
     from pipeline.report.figures.drawing import Picture
+
+    Start = Callable[..., Callable[[], Any]]
 
 #: Why a figure of a mission's page is not there, and one of the index.
 NO_FIGURE = {
@@ -33,8 +35,12 @@ NO_CAMPAIGN_FIGURE = {
 }
 
 
-def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -> dict[str, Picture | None]:
-    """Return the figures of what was found, by name; None where there is nothing to draw, for `NO_FIGURE`'s reason.
+def draw(
+    inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame, start: Start
+) -> dict[str, Callable[[], Picture | None]]:
+    """Start to draw what was found, and return what waits for each figure, by name.
+
+    A figure is None where there is nothing to draw, for `NO_FIGURE`'s reason.
 
     Parameters
     ----------
@@ -44,6 +50,8 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
         The content of summary.json.
     comparison
         The comparisons of `pipeline.report.compare`.
+    start
+        Starts a task, as `pipeline.workers.beside` does.
     """
     from pipeline.report.figures.agreement import agreement
     from pipeline.report.figures.answer import answer
@@ -58,31 +66,39 @@ def draw(inputs: Inputs, summary: Mapping[str, Any], comparison: pd.DataFrame) -
 
     gps = _gps(summary["parts"])
     return {
-        "answer": answer(summary["parts"]),
-        "track": track(inputs.records, summary["current"]),
-        "curves": curves(inputs.blocks, inputs.vehicle, gps),
-        "agreement": agreement(comparison),
-        "hypotheses": hypotheses(summary["hypotheses"]),
-        "parity": parity(comparison, inputs.estimate.get("settings")),
-        "corrections": corrections(summary["fit"]),
-        "profiles": profiles(summary["fit"]),
-        "residuals": residuals(summary["fit"]),
-        "closure": closure(summary["closure"]),
+        "answer": start(answer, summary["parts"]),
+        "track": start(track, inputs.records, summary["current"]),
+        "curves": start(curves, inputs.blocks, inputs.vehicle, gps),
+        "agreement": start(agreement, comparison),
+        "hypotheses": start(hypotheses, summary["hypotheses"]),
+        "parity": start(parity, comparison, inputs.estimate.get("settings")),
+        "corrections": start(corrections, summary["fit"]),
+        "profiles": start(profiles, summary["fit"]),
+        "residuals": start(residuals, summary["fit"]),
+        "closure": start(closure, summary["closure"]),
     }
 
 
-def draw_flown(inputs: Inputs) -> dict[str, Picture | None]:
-    """Return the figures of what was flown, for which nothing need be found, by name; None as in `draw`."""
+def draw_flown(inputs: Inputs, start: Start) -> dict[str, Callable[[], Picture | None]]:
+    """Start to draw what was flown, for which nothing need be found, and return what waits for each figure, as `draw`.
+
+    Parameters
+    ----------
+    inputs
+        What the earlier stages hand over.
+    start
+        Starts a task, as `pipeline.workers.beside` does.
+    """
     from pipeline.report.figures.flight import flight
     from pipeline.report.figures.stability import stability
     from pipeline.report.figures.water import water
 
     return {
-        "water": water(inputs.records, inputs.estimates),
-        "flight": flight(
-            inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
+        "water": start(water, inputs.records, inputs.estimates),
+        "flight": start(
+            flight, inputs.records, inputs.estimates, inputs.force, inputs.blocks, inputs.predictions, inputs.stored
         ),
-        "stability": stability(inputs.blocks, inputs.predictions, inputs.vehicle),
+        "stability": start(stability, inputs.blocks, inputs.predictions, inputs.vehicle),
     }
 
 
