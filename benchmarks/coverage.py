@@ -24,7 +24,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import scores
-from benchmarks.fleet import fly, plan_of
+from benchmarks.fleet import first_flown
 from pipeline import mission, simulate, store, trials, vehicle, workers
 from pipeline.estimate.stage import estimate
 from pipeline.ingest import ingest
@@ -45,6 +45,7 @@ def main() -> int:
         "missions": arguments.missions,
         "first": arguments.first,
         "failures": failures,
+        "drawn again": sorted(set(table["seed"][table["again"] > 0].tolist())) if rows else [],
         "seconds": round(time.perf_counter() - began, 1),
         "methods": {str(name): _summary(part) for name, part in table.groupby("method")} if rows else {},
         "trials": [] if arguments.no_trials else [_trial(name, seed) for name in trials.TRIALS for seed in TRIAL_SEEDS],
@@ -69,8 +70,7 @@ def _arguments() -> argparse.Namespace:
 def one(seed: int) -> tuple[list[dict[str, Any]], str]:
     """Return the scores of the mission with this `seed`, and what went wrong if anything did."""
     try:
-        flight = plan_of(seed)
-        flown = fly(flight)
+        flight, flown = first_flown(seed)
         return scores.score(flight, flown, estimate(flown.records, flown.vehicle, flown.mission)), ""
     except Exception as error:
         return [], f"seed {seed}: {type(error).__name__}: {error}"
@@ -151,6 +151,8 @@ _SHOWN = {
 def _show(results: dict[str, Any]) -> None:
     """Print everything for people."""
     print(f"{results['missions']} missions, seeds from {results['first']}, in {results['seconds']:.0f} s")
+    if results["drawn again"]:
+        print(f"drawn again, since their vehicle does not carry them out: seeds {results['drawn again']}")
     for text in results["failures"]:
         print(f"failed: {text}")
     for method, summary in results["methods"].items():

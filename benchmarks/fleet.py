@@ -9,9 +9,9 @@ beyond that and a file leaves unknown is made up: pitching moments as Petrel-II'
 inertia and battery in proportion to mass, and added mass as Slocum's (0.2 of the mass along the nose, 0.92 normal to
 the wings; Merckelbach et al. 2019, doi:10.1175/JTECH-D-18-0168.1). Batteries move far enough to hold any pitch ordered.
 
-Two things are not left to chance, as no pilot would: no glide is ordered flatter than the true vehicle's flattest
-one, and where a draw of sea, depth and hull would turn net buoyancy about on the way, thermocline and depth are
-reduced until it does not.
+Three things are not left to chance, as no pilot would: no glide is ordered flatter than the true vehicle's flattest
+one; where a draw of sea, depth and hull would turn net buoyancy about on the way, thermocline and depth are reduced
+until it does not; and a mission that its vehicle does not carry out, because it tumbles, is drawn again.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline import instruments, mission, vehicle
+from pipeline.findings import InputError
 from pipeline.ingest import ingest
 from pipeline.mission import Mission, PitchCorrection
 from pipeline.model.closure import glide_angle
 from pipeline.model.forces import GRAVITY
 from pipeline.model.steady import trim_at_pitch
 from pipeline.plan import Plan, Sea, Stage, Water, engine_volume
-from pipeline.simulate import Injection, run
+from pipeline.simulate import Injection, Simulated, run
 from pipeline.vehicle import Vehicle
 
 #: Ranges that the missions are drawn from, least and greatest.
@@ -64,6 +65,8 @@ TURNING_DEG_S = 1.5
 BOTTOM_HEAVY = 2.5
 #: A thermocline of this, K, is as weak as it is made.
 WEAK = 0.5
+#: So many missions with one seed are drawn before it is given up.
+DRAWS = 5
 #: Path angles of powered level flight and of the nose-down corrections between, degrees.
 RISING_DEG, CORRECTING_DEG = 5.0, -10.0
 
@@ -74,8 +77,8 @@ class Flight:
 
     Attributes
     ----------
-    seed
-        What everything follows from.
+    seed, again
+        What everything follows from: how often missions with this seed were drawn before that cannot be flown.
     plan
         What is flown; its vehicle has the true coefficients.
     injection
@@ -92,6 +95,7 @@ class Flight:
     """
 
     seed: int
+    again: int
     plan: Plan
     injection: Injection
     pitch_std_deg: float
@@ -157,9 +161,9 @@ def perturbed(craft: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, dict[s
     return craft.with_values(changes, "drawn around the vehicle file"), draws
 
 
-def plan_of(seed: int) -> Flight:
-    """Return the mission with this `seed`: the same every time, whatever was drawn before."""
-    rng = np.random.default_rng([seed, 0xF1EE7])
+def plan_of(seed: int, again: int = 0) -> Flight:
+    """Return the mission with this `seed`, drawn `again` so often: the same every time, whatever was drawn before."""
+    rng = np.random.default_rng([seed, 0xF1EE7, again])
     named = vehicles()
     propelled = [name for name in named if _load(name).propeller is not None]
     gliding = [name for name in named if name not in propelled]
@@ -176,12 +180,34 @@ def plan_of(seed: int) -> Flight:
         power = str(rng.choice(["climbs", "dives and climbs", "level"]))
     plan = replace(_instruments(rng), name=f"fleet-{seed}", vehicle=craft)
     plan = _mission(plan, _Orders.drawn(craft, power, rng), injection.buoyancy_offset, rng)
-    return Flight(seed, plan, injection, pitch_std, ballast_std, bool(rng.uniform() < 0.7), power, draws)
+    return Flight(seed, again, plan, injection, pitch_std, ballast_std, bool(rng.uniform() < 0.7), power, draws)
 
 
 def fly(flight: Flight) -> Flown:
     """Return the mission as the estimator gets it: flown, logged, and its logs read by the pipeline's own ingest."""
-    simulated = run(flight.plan, flight.seed, flight.injection)
+    return _logged(flight, run(flight.plan, flight.seed, flight.injection))
+
+
+def first_flown(seed: int) -> tuple[Flight, Flown]:
+    """Return the first mission with this `seed` that its vehicle carries out.
+
+    Raises
+    ------
+    InputError
+        If it carries out none of `DRAWS`.
+    """
+    for again in range(DRAWS):
+        flight = plan_of(seed, again)
+        try:
+            simulated = run(flight.plan, flight.seed, flight.injection)
+        except InputError as error:
+            why = error
+            continue
+        return flight, _logged(flight, simulated)
+    raise why
+
+
+def _logged(flight: Flight, simulated: Simulated) -> Flown:
     streams = {name: frame for name, frame in simulated.streams.items() if flight.located or name != "gps"}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / flight.plan.name

@@ -68,6 +68,7 @@ def about(flight: Flight) -> dict[str, Any]:
     dive, climb = plan.stages[1], plan.stages[-2]
     return {
         "seed": flight.seed,
+        "again": flight.again,
         "vehicle": plan.vehicle.name,
         "power": flight.power,
         "located": flight.located,

@@ -11,8 +11,9 @@ import pytest
 from scipy.stats import kstest
 
 from benchmarks import fleet
-from benchmarks.fleet import Flight, Flown, fly, plan_of
+from benchmarks.fleet import Flight, Flown, first_flown, fly, plan_of
 from pipeline import vehicle
+from pipeline.findings import InputError
 from pipeline.model.steady import trim_at_pitch
 from pipeline.plan import Sea, Stage
 from pipeline.records import seconds
@@ -181,6 +182,14 @@ def test_the_pitch_bias_is_in_the_records() -> None:
     true = np.interp(seconds(known["time"]), seconds(mission.truth["time"]), mission.truth["pitch"])
     logged = np.degrees(np.median(known["pitch"] - true))
     assert logged == pytest.approx(flight.injection.pitch_bias_deg, abs=0.1)
+
+
+def test_a_mission_that_its_vehicle_does_not_carry_out_is_drawn_again() -> None:
+    with pytest.raises(InputError, match="found not done after"):
+        fly(plan_of(10006))
+    flight, _ = first_flown(10006)
+    assert (flight.seed, flight.again) == (10006, 1)
+    assert first_flown(5001)[0].again == 0
 
 
 def test_an_offset_that_would_keep_a_glider_afloat_is_met_by_stronger_orders() -> None:
