@@ -414,12 +414,20 @@ def solve(
     unknown = left_open(adjusted.noise, solution.mean[:, :, 0], lambda moved: mean_at(moved, at))
     solution = solution._replace(mean=np.concatenate([solution.mean, unknown], axis=2))
     alphas = np.pad(alphas, ((0, 0), (0, unknown.shape[2])))
-    slip = np.where(series.manoeuvre, settings.slip_manoeuvre, settings.slip)
     scale = None
     if scaled:
         held = told.nothing(solution.mean.shape[2] - 1)
         scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
-    return Flown(_flight(solution, alphas, slip), problem, solution, scale)
+    return Flown(_flight(solution, alphas, unsettled(series, at, settings)), problem, solution, scale)
+
+
+def unsettled(series: Series, at: Path, settings: Settings) -> np.ndarray:
+    """Return the 1-sigma, rad, of what the lift balance leaves of α, shape (m,).
+
+    The mode that settles α lasts up to a second: the faster the vehicle turns, the farther α is from its balance.
+    """
+    steady = np.where(series.manoeuvre, settings.slip_manoeuvre_force, settings.slip)
+    return np.asarray(np.hypot(steady, settings.settling * at.pitch_rate))
 
 
 def _flight(solution: Solution, alphas: np.ndarray, slip: np.ndarray) -> Flight:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import arrays
 import numpy as np
@@ -195,9 +196,25 @@ def test_every_slope_is_that_of_a_plain_second_writing(
 # --- The full dynamics ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_alpha_follows_the_full_dynamics_through_a_pitch_step_because_of_the_pitch_rate(side: float) -> None:
-    """At constant net buoyancy the battery moves at once: pitch swings by about 15 degrees within half a minute."""
+class Stepped(NamedTuple):
+    """A pitch step by the full dynamics: time [s], α [rad], q [rad/s], the path, and net buoyancy [N]."""
+
+    time: np.ndarray
+    angle_of_attack: np.ndarray
+    pitch_rate: np.ndarray
+    at: Path
+    newton: float
+
+    def slaved(self, path: Path) -> np.ndarray:
+        """Return α of the lift balance along `path`, shape (m,), at the constant net buoyancy of the step."""
+        given = arrays.inputs(self.time.size, self.newton, PETREL["reference_density"])
+        series = arrays.series(self.time, path.pitch)
+        _, alphas = linearise(series, given, arrays.craft(PETREL), STEADY, path, speed=False)
+        return alphas[:, 0]
+
+
+def stepped(side: float) -> Stepped:
+    """Return a flight at constant net buoyancy whose battery moves at once: pitch swings by about 15 degrees."""
     flat, steep = (
         float(trim_at_pitch(PETREL, side * 6.0, side * math.radians(angle)).required_moment)
         - PETREL["righting_moment"] * math.sin(side * math.radians(angle))
@@ -213,17 +230,31 @@ def test_alpha_follows_the_full_dynamics_through_a_pitch_step_because_of_the_pit
     )
     v, gamma, alpha, q = flown.T
     assert np.ptp(gamma + alpha) > math.radians(13.0)
-    given = arrays.inputs(time.size, side * 6.0, PETREL["reference_density"])
-    at = force.path(arrays.series(time, gamma + alpha), v, gamma + alpha)
-    later = time > 2.0  # the fast mode that settles α takes a second; the step itself is sharper than any record
+    return Stepped(time, alpha, q, force.path(arrays.series(time, gamma + alpha), v, gamma + alpha), side * 6.0)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_alpha_follows_the_full_dynamics_through_a_pitch_step_because_of_the_pitch_rate(side: float) -> None:
+    flight = stepped(side)
+    at, q = flight.at, flight.pitch_rate
+    later = flight.time > 2.0  # the fast mode that settles α takes a second; the step is sharper than any record
     assert at.pitch_rate[later] == pytest.approx(q[later], abs=0.03 * np.max(np.abs(q)))
 
     def worst(path: Path) -> float:
-        _, alphas = linearise(arrays.series(time, path.pitch), given, arrays.craft(PETREL), STEADY, path, speed=False)
-        return math.degrees(np.max(np.abs(alphas[later, 0] - alpha[later])))
+        return math.degrees(np.max(np.abs(flight.slaved(path) - flight.angle_of_attack)[later]))
 
     assert worst(at) < 0.05
     assert worst(at._replace(pitch_rate=np.zeros_like(q))) > 0.4
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_what_the_balance_leaves_of_alpha_while_it_settles_is_in_its_uncertainty(side: float) -> None:
+    flight = stepped(side)
+    left = np.abs(flight.slaved(flight.at) - flight.angle_of_attack)
+    std = force.unsettled(arrays.series(flight.time, flight.at.pitch), flight.at, STEADY)
+    assert np.max(left) > 3.0 * STEADY.slip
+    assert np.all(left < 1.96 * std)
+    assert std[-1] == pytest.approx(STEADY.slip, rel=0.01)
 
 
 # --- The step ---------------------------------------------------------------------------------------------------------
