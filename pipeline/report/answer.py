@@ -46,20 +46,21 @@ def _no_answer(summary: Mapping[str, Any]) -> str:
 def _compared(part: Mapping[str, Any]) -> str:
     """Return one part's comparison as a sentence."""
     held, error, u = part["held_speed_m_s"], part["error_m_s"], part["u_val_m_s"]
-    flown = part["as_flown_speed_m_s"]
+    flown, flown_std = part["as_flown_speed_m_s"], part["as_flown_speed_std_m_s"]
     if not math.isfinite(error):
-        flown, error = held, held - part["measured_speed_m_s"]
-        u = math.hypot(part["held_speed_std_m_s"], part["measured_speed_std_m_s"])
+        flown, flown_std, error = held, part["held_speed_std_m_s"], held - part["measured_speed_m_s"]
+        u = math.hypot(flown_std, part["measured_speed_std_m_s"])
     share = 100.0 * abs(error) / part["measured_speed_m_s"]
     way = "fast" if error > 0 else "slow"
     if abs(error) > SIGNIFICANT * u:
         verdict = f"{amount(100 * abs(error), 100 * u, sign=False)} cm/s ({share:.0f} %) too {way}"
     else:
         verdict = f"in agreement (E = {amount(100 * error, 100 * u)} cm/s)"
-    predicts = f"predicts {flown:.3f} m/s"
+    predicts = f"predicts {_speed(flown, flown_std)} m/s"
     if part["as_set"] and abs(held - flown) > 5e-4:
-        predicts = f"predicts {held:.3f} m/s, as flown {flown:.3f}"
-    measured = amount(part["measured_speed_m_s"], part["measured_speed_std_m_s"], sign=False)
+        as_set = _speed(held, part["held_speed_std_m_s"])
+        predicts = f"predicts {as_set} m/s, as flown {_speed(flown, flown_std)}"
+    measured = _speed(part["measured_speed_m_s"], part["measured_speed_std_m_s"])
     words = (
         f"{part['name'].capitalize()}: measured {measured} m/s; theory with the measured pitch held {predicts}, "
         f"{verdict}"
@@ -67,8 +68,13 @@ def _compared(part: Mapping[str, Any]) -> str:
     if math.isfinite(part["free_speed_m_s"]):
         pitch = part["free_pitch_deg"]
         beyond = ", beyond the vertical" if abs(pitch) > 90.0 else ""
-        words += f"; with the pitch left free it predicts {part['free_speed_m_s']:.3f} m/s at {pitch:.0f}°{beyond}"
+        free = _speed(part["free_speed_m_s"], part["free_speed_std_m_s"])
+        words += f"; with the pitch left free it predicts {free} m/s at {pitch:.0f}°{beyond}"
     return words.replace("-", "−") + "."
+
+
+def _speed(value: float, std: float) -> str:
+    return amount(value, std, sign=False) if math.isfinite(std) else f"{value:.3f}"
 
 
 def _even_words(rows: list[dict[str, Any]]) -> list[str]:

@@ -28,8 +28,8 @@ def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.
     Returns
     -------
     DataFrame
-        One row per trim, quantity, direction and powered: ``blocks``, ``dives``, ``predicted``, ``measured``,
-        ``measured_std``, ``error``, ``u_val``, ``significance``, ``relative_error``, ``label``, ``why``.
+        One row per trim, quantity, direction and powered: ``blocks``, ``dives``, ``predicted``, ``predicted_std``,
+        ``measured``, ``measured_std``, ``error``, ``u_val``, ``significance``, ``relative_error``, ``label``, ``why``.
     """
     rows: list[dict[str, Any]] = []
     for _key, group in table.groupby(["trim", "quantity", "direction", "powered"], sort=True):
@@ -116,18 +116,20 @@ def combine(group: pd.DataFrame, weights: Array, settings: Mapping[str, Any] | N
     common = group["common"].to_numpy(dtype=bool)
     noise = _correlated(group, sigma, tau)
     random = noise.variance(np.where(common, 0.0, w)) + float(np.sum(w * floats(group, "own_measured") * common)) ** 2
-    systematic = measured_systematic = 0.0
+    systematic = measured_systematic = predicted_systematic = 0.0
     for name in EFFECTS:
         theory = floats(group, f"predicted_{name}")
         measured = floats(group, f"measured_{name}") if name in SHARED else np.zeros_like(theory)
         systematic += float(np.sum(w * (theory - measured))) ** 2
         measured_systematic += float(np.sum(w * measured)) ** 2
-    systematic += float(np.sum(np.abs(w) * floats(group, "own_input"))) ** 2
+        predicted_systematic += float(np.sum(w * theory)) ** 2
+    inputs = float(np.sum(np.abs(w) * floats(group, "own_input"))) ** 2
     error = float(np.sum(w * floats(group, "error")))
     measured_mean = float(np.sum(w * floats(group, "measured")))
-    total = math.sqrt(random + systematic)
+    total = math.sqrt(random + systematic + inputs)
     return {
         "predicted": float(np.sum(w * floats(group, "predicted"))),
+        "predicted_std": math.sqrt(predicted_systematic + inputs),
         "measured": measured_mean,
         "measured_std": math.sqrt(random + measured_systematic),
         "error": error,

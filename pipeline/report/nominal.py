@@ -121,6 +121,7 @@ def table(
         row |= error(row, comparison, estimate.get("settings"))
         if not row["as_set"] and math.isfinite(row["as_flown_speed_m_s"]):
             row["held_speed_m_s"] = row["as_flown_speed_m_s"]
+            row["held_speed_std_m_s"] = row["as_flown_speed_std_m_s"]
         row["stable_holds_measured"] = _inside(row)
         row["notes"] = notes(part, row)
         rows.append(row)
@@ -198,12 +199,14 @@ def error(
         & comparison["block"].isin(row["measured_blocks"])
     ]
     if rows.empty:
-        none = dict.fromkeys(("as_flown_speed_m_s", "error_m_s", "u_val_m_s", "significance"), math.nan)
+        missing = ("as_flown_speed_m_s", "as_flown_speed_std_m_s", "error_m_s", "u_val_m_s", "significance")
+        none = dict.fromkeys(missing, math.nan)
         return none | {"label": ""}
     weights = 1.0 / np.maximum(floats(rows, "u_val"), 1e-9) ** 2
     mean = combine(rows, weights / weights.sum(), settings)
     return {
         "as_flown_speed_m_s": mean["predicted"],
+        "as_flown_speed_std_m_s": mean["predicted_std"],
         "error_m_s": mean["error"],
         "u_val_m_s": mean["u_val"],
         "significance": mean["significance"],

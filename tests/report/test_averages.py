@@ -40,13 +40,20 @@ def test_independent_noise_averages_out_by_the_square_root():
 
 def test_what_blocks_share_does_not_average_out():
     row = means(comparisons([0.01] * 9, shared=0.03), SETTINGS).iloc[0]
-    assert row["u_val"] == pytest.approx(0.03)
+    assert row["u_val"] == row["predicted_std"] == pytest.approx(0.03)
     assert row["measured_std"] == 0.0
 
 
 def test_an_error_common_to_all_blocks_does_not_average_out():
     row = means(comparisons([0.01] * 9, own=0.02, common=True), SETTINGS).iloc[0]
     assert row["u_val"] == row["measured_std"] == pytest.approx(0.02)
+    assert row["predicted_std"] == 0.0
+
+
+def test_what_a_block_has_been_told_of_its_own_is_the_theorys_alone_and_adds_up_as_if_it_were_shared():
+    row = means(comparisons([0.01] * 9, own_input=0.03, shared=0.04), SETTINGS).iloc[0]
+    assert row["u_val"] == row["predicted_std"] == pytest.approx(0.05)
+    assert row["measured_std"] == 0.0
 
 
 def test_neighbouring_blocks_share_the_motion_of_the_water():
