@@ -10,6 +10,7 @@ sensor enters only if the mission says so, and then all are adjusted.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from pipeline.estimate.craft import (
 )
 from pipeline.estimate.force import Path, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
-from pipeline.estimate.noise import WATER, levelled, most_probable, moved, noise_from
+from pipeline.estimate.noise import WATER, Each, levelled, most_probable, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -97,6 +98,7 @@ def adjust(
     speed: bool,
     speed_scale: float = Settings._field_defaults["speed_scale"],
     noise: Noise | None = None,
+    each: Each = map,
 ) -> Adjusted:
     """Return the craft adjusted to the depth (and speed, if used) measured in `stretches`.
 
@@ -118,6 +120,8 @@ def adjust(
         1-sigma of its scale error.
     noise
         Noise levels that are known; searched for if left out.
+    each
+        How stretches, and noise levels that are tried, are gone through.
     """
     search = noise is None
     if noise is None:
@@ -134,7 +138,7 @@ def adjust(
     paths = list(paths)
     converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
-        matrix, gradient = _with_prior(_equations(stretches, craft, settings, paths, speed=speed), craft)
+        matrix, gradient = _with_prior(_equations(stretches, craft, settings, paths, speed=speed, each=each), craft)
         least = -craft.value[UNSIGNED] / np.maximum(craft.std[UNSIGNED], 1e-9)
         change = _step(matrix, gradient, free, least)
         if change @ last < -0.5 * float(np.linalg.norm(change) * np.linalg.norm(last)):
@@ -146,15 +150,17 @@ def adjust(
         value[RELATIVE] = np.maximum(value[RELATIVE], LEAST)
         craft = craft._replace(value=value)
         if search and step in SEARCHES:
-            settings = _likeliest(stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed).settings
+            settings = _likeliest(
+                stretches[:1], craft, settings, paths[:1], INSTRUMENTS, speed=speed, each=each
+            ).settings
         elif np.max(np.abs(change)) < STILL and (step > SEARCHES[-1] or not search):
             converged = True
             break
     if noise is None:
-        noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed)
-    matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed), craft)
+        noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed, each=each)
+    matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed, each=each), craft)
     weights = _as_weighted(noise.settings) if search else noise.settings
-    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed), craft)
+    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed, each=each), craft)
     columns = np.column_stack([_root(weighted, free), _step(matrix, gradient, free)]) * craft.std[:, None]
     return Adjusted(craft, noise, columns, _report(craft, columns, free, converged))
 
@@ -176,15 +182,18 @@ def unadjusted(found: Adjusted) -> Adjusted:
 
 
 def _equations(
-    stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: list[Path], *, speed: bool
+    stretches: Sequence[Stretch], craft: Craft, settings: Settings, paths: list[Path], *, speed: bool, each: Each
 ) -> _Normal:
     """Return the normal equations of all stretches, and put their smoothed paths into `paths`."""
-    total = _Normal(np.zeros((len(PARAMETERS), len(PARAMETERS))), np.zeros(len(PARAMETERS)), 0.0)
-    for i, stretch in enumerate(stretches):
-        problem, _ = linearise(stretch.series, stretch.force, craft, settings, paths[i], speed=speed)
-        total = _summed(total, _normal(problem, stretch.series))
-        paths[i] = _smoothed(problem, stretch.series, paths[i])
-    return total
+
+    def one(flown: tuple[Stretch, Path]) -> tuple[_Normal, Path]:
+        (series, force), at = flown
+        problem, _ = linearise(series, force, craft, settings, at, speed=speed)
+        return _normal(problem, series), _smoothed(problem, series, at)
+
+    found = list(each(one, zip(stretches, paths, strict=True)))
+    paths[:] = [at for _, at in found]
+    return reduce(_summed, [normal for normal, _ in found])
 
 
 def _normal(problem: Problem, series: Series) -> _Normal:
@@ -258,6 +267,7 @@ def _likeliest(
     names: tuple[str, ...],
     *,
     speed: bool,
+    each: Each,
 ) -> Noise:
     """Return settings with the noise levels `names` of `SEARCHED` at their most probable values, see `most_probable`.
 
@@ -273,7 +283,7 @@ def _likeliest(
         return total
 
     median = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
-    settings, open_ = most_probable(settings, median, {name: SEARCHED[name] for name in names}, log_likelihood)
+    settings, open_ = most_probable(settings, median, {name: SEARCHED[name] for name in names}, log_likelihood, each)
     if not open_.size:
         return Noise(settings)
     series, force, at = *stretches[0], paths[0]

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
-from pipeline.estimate.noise import SEARCHED, left_open, levelled, likeliest, moved, noise_from, rounded
+from pipeline.estimate.noise import SEARCHED, Each, left_open, levelled, likeliest, moved, noise_from, rounded
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
@@ -71,7 +71,9 @@ class Part(NamedTuple):
     outlying: np.ndarray  # (2, m): depth and pitch left out
 
 
-def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *, fixes: bool) -> Model:
+def prepare(
+    series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *, fixes: bool, each: Each = map
+) -> Model:
     """Return the model of a mission: its noise is that of `series`, a stretch of it.
 
     Parameters
@@ -86,6 +88,8 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
         Engine that solves the linear problems.
     fixes
         Whether fixes are measurements.
+    each
+        How likelihoods are asked for at several noise levels.
     """
     sources = Sources(mission.speed_sensor == "use", fixes)
     settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
@@ -93,7 +97,7 @@ def prepare(series: Series, vehicle: Vehicle, mission: Mission, solve: Solve, *,
     if any(math.isnan(value) for value in polar):
         return Model(polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
     at = iterate(series, polar, settings, first_guess(series, polar), sources, solve, ROUGH)
-    settings, spread = likeliest(series, polar, settings, at, sources.speed)
+    settings, spread = likeliest(series, polar, settings, at, sources.speed, each)
     at = iterate(series, polar, settings, at, sources, solve, ITERATIONS)
     steady = ~(series.manoeuvre | series.afloat)
     settings = levelled(settings, steady, lambda trial: linearise(series, polar, trial, at, sources))

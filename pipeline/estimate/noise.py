@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -17,10 +18,16 @@ from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.vehicle import Polar
 
+A = TypeVar("A")
+B = TypeVar("B")
+
 #: What is found by likelihood, with the 1-sigma of the logarithm around its value in `Settings`; σ and τ of w_w first.
 SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "unsteadiness": 1.0, "depth_noise": 1.0, "swell": 2.0}
-#: The search ends when a step gains less than this share of the logarithm of likelihood.
-ENOUGH = 1e-6
+#: The search ends when a step gains less than this share of the logarithm of likelihood; slopes are read off steps of
+#: this size.
+ENOUGH, SLIGHT = 1e-6, 1e-3
+#: No level is farther from its median than this many 1-sigma.
+BOUND = 4.0
 #: Median of σ of w_w (m/s) before the search.
 WATER = 0.015
 #: What is left of a manoeuvre looks like the water's motion: the search leaves out this much time (s) after one and
@@ -33,6 +40,13 @@ QUIET, QUIET_PITCH = 0.005, math.radians(0.01)
 #: An innovation beyond this many standard deviations says nothing of their level; and the logarithm by which the noise
 #: of depth may be off.
 OUTLYING, FARTHEST = 6.0, 0.7
+
+
+class Each(Protocol):
+    """How something is done for each of some items, independent of each other: `map`, or that of a pool of threads."""
+
+    def __call__(self, do: Callable[[A], B], items: Iterable[A], /) -> Iterable[B]:
+        """Return the results in the order of `items`."""
 
 
 def noise_from(series: Series) -> Settings:
@@ -52,7 +66,7 @@ def noise_from(series: Series) -> Settings:
 
 
 def likeliest(
-    series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool
+    series: Series, polar: Polar, settings: Settings, at: Trajectory, speed: bool, each: Each = map
 ) -> tuple[Settings, np.ndarray]:
     """Return settings with the noise levels `SEARCHED` at their most probable values, and what is open of those.
 
@@ -64,11 +78,15 @@ def likeliest(
     def log_likelihood(trial: Settings) -> float:
         return kalman.log_likelihood(linearise(calm, polar, trial, at, Sources(speed, fixes=False)))
 
-    return most_probable(settings, settings, SEARCHED, log_likelihood)
+    return most_probable(settings, settings, SEARCHED, log_likelihood, each)
 
 
 def most_probable(
-    start: Settings, median: Settings, searched: Mapping[str, float], log_likelihood: Callable[[Settings], float]
+    start: Settings,
+    median: Settings,
+    searched: Mapping[str, float],
+    log_likelihood: Callable[[Settings], float],
+    each: Each = map,
 ) -> tuple[Settings, np.ndarray]:
     """Return settings with some noise levels at the maximum of likelihood times prior, and what is open of those.
 
@@ -88,6 +106,8 @@ def most_probable(
         1-sigma of the logarithm of each of k levels; σ and τ of w_w are first, or absent.
     log_likelihood
         Of the measurements at any settings.
+    each
+        How it is asked for at several settings.
 
     Returns
     -------
@@ -105,17 +125,23 @@ def most_probable(
     def cost(u: np.ndarray) -> float:
         return 0.5 * float(u @ u) - log_likelihood(start._replace(**levels(u)))
 
+    def cost_and_slope(u: np.ndarray) -> tuple[float, np.ndarray]:
+        steps = np.where(u + SLIGHT > BOUND, -SLIGHT, SLIGHT)
+        here, *there = each(cost, [u, *(u + np.diag(steps))])
+        return here, (np.array(there) - here) / steps
+
     best = minimize(
-        cost,
+        cost_and_slope,
         (first - middle) / spread,
         method="L-BFGS-B",
-        bounds=[(-4.0, 4.0)] * len(names),
-        options={"eps": 1e-3, "ftol": ENOUGH},
+        jac=True,
+        bounds=[(-BOUND, BOUND)] * len(names),
+        options={"ftol": ENOUGH},
     )
     found = levels(best.x)
     if "sigma_w" not in found:
         return start._replace(**found), np.empty((0, 0))
-    open_ = covariance(cost, best.x) * np.outer(spread, spread)
+    open_ = covariance(cost, best.x, each) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
     if "unsteadiness" in found:
@@ -219,17 +245,15 @@ def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
     return unsettled
 
 
-def covariance(cost: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+def covariance(cost: Callable[[np.ndarray], float], at: np.ndarray, each: Each = map) -> np.ndarray:
     """Return the covariance of u by the curvature of `cost` at its minimum `at`; at most that of the prior, 1."""
     step, n = 0.2, at.size
-    here = cost(at)
     unit = step * np.eye(n)
-    ahead = np.array([cost(at + unit[i]) for i in range(n)])
-    curvature = np.empty((n, n))
-    for i in range(n):
-        curvature[i, i] = ahead[i] + cost(at - unit[i]) - 2.0 * here
-        for j in range(i):
-            curvature[i, j] = curvature[j, i] = cost(at + unit[i] + unit[j]) - ahead[i] - ahead[j] + here
+    i, j = np.tril_indices(n, -1)
+    points = [at[None], at + unit, at - unit, at + unit[i] + unit[j]]
+    here, ahead, behind, both = np.split(np.array(list(each(cost, np.concatenate(points)))), [1, 1 + n, 1 + 2 * n])
+    curvature = np.diag(ahead + behind - 2.0 * here)
+    curvature[i, j] = curvature[j, i] = both - ahead[i] - ahead[j] + here
     value, vector = np.linalg.eigh(curvature / step**2)
     return np.asarray((vector / np.maximum(value, 1.0)) @ vector.T)
 

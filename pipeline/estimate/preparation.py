@@ -17,6 +17,7 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.compatibility import clock_offset, reconcile
 from pipeline.estimate.craft import Adjusted, from_vehicle
 from pipeline.estimate.forcing import forcing
+from pipeline.estimate.noise import Each
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.trajectory import Solve, first_guess
 from pipeline.findings import Finding
@@ -76,17 +77,17 @@ def prepare(
     findings = [*body[1], *doubts]
     located = mission.gps == "use" and any(series.located for series in found)
 
-    def prepared() -> kinematic.Model:
-        return kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located)
+    def prepared(each: Each = map) -> kinematic.Model:
+        return kinematic.prepare(found[0], vehicle, mission, _solver(engine), fixes=located, each=each)
 
     if "force" not in methods:
         return Prepared(vehicle, mission, engine, prepared(), body[0], None, "not asked for", clocks, findings)
     if threads == 1:
         model, (adjusted, reason) = prepared(), _adjusted(stretches, found, vehicle, mission, body[0])
     else:
-        with ThreadPoolExecutor(1) as pool:
-            waiting = pool.submit(prepared)
-            adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0])
+        with ThreadPoolExecutor(threads) as pool, ThreadPoolExecutor(1) as beside:
+            waiting = beside.submit(prepared, pool.map)
+            adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0], pool.map)
             model = waiting.result()
     return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, clocks, findings)
 
@@ -105,6 +106,7 @@ def _adjusted(
     vehicle: Vehicle,
     mission: Mission,
     body: Hull | None,
+    each: Each = map,
 ) -> tuple[Adjusted | None, str]:
     """Return the force model adjusted to the depth rate, or why there is none."""
     if body is None:
@@ -122,4 +124,4 @@ def _adjusted(
         return None, reason
     craft = from_vehicle(vehicle, mission, body)
     use, scale = mission.speed_sensor == "use", mission.speed_sensor_scale_std
-    return adjust.adjust(driven, craft, paths, speed=use, speed_scale=scale), ""
+    return adjust.adjust(driven, craft, paths, speed=use, speed_scale=scale, each=each), ""
