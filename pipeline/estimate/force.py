@@ -33,6 +33,8 @@ SPEED, PITCH, DEPTH, WATER, LOAD = range(5)
 LEAST, MOST, STEEPEST, TURNING = 0.02, 4.0, 1.5, 0.2
 #: Below this speed (m/s) the lift balance is not asked for α, and α is at most this (rad): beyond, flow is separated.
 SLOW, STALLED = 0.08, 0.30
+#: A step of Newton's for α below this (rad) leaves nothing to go, and the slopes are those at its end.
+CLOSE = 1e-8
 #: Time, s, over which an unrecorded motion of the engine is taken to last.
 UNKNOWN = 60.0
 #: The path is solved for at most so many times.
@@ -61,12 +63,11 @@ class Flown(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _attack(
-    polar: Polar, ratio: float, inertia: float, force: float, v: float, pitch: float, q: float
+    polar: Polar, ratio: float, inertia: float, force: float, v: float, cos_t: float, sin_t: float, q: float
 ) -> tuple[float, float, float, float]:
     """Return α of the lift balance and its slopes in V, θ and per newton of normal force; 0 slopes where stalled."""
     speed = max(v, SLOW)
     square = ratio * speed * speed
-    cos_t, sin_t = math.cos(pitch), math.sin(pitch)
     drag_0 = polar.parasite_drag * speed**polar.drag_exponent if polar.drag_exponent != 0.0 else polar.parasite_drag
     normal = force * cos_t - inertia * speed * q
     alpha = -(normal + square * polar.lift_at_zero) / (square * (polar.lift_slope + drag_0))
@@ -82,7 +83,10 @@ def _attack(
             - (lift - inertia * speed * q) * sin_a
             + drag * cos_a
         )
-        alpha -= value / slope
+        step = value / slope
+        alpha -= step
+        if abs(step) < CLOSE:
+            break
     if abs(alpha) >= STALLED or v < SLOW:
         return min(max(alpha, -STALLED), STALLED), 0.0, 0.0, 0.0
     drag_by_v = (2.0 * drag + polar.drag_exponent * square * drag_0) / speed
@@ -137,11 +141,11 @@ def _fill(
         buoyancy += values[10] * force.by_carried[k]
         ratio = force.density[k] / density_0
         q = at.pitch_rate[k]
-        alpha, a_v, a_t, a_n = _attack(polar, ratio, inertia, buoyancy, v, pitch, q)
+        cos_t, sin_t = math.cos(pitch), math.sin(pitch)
+        alpha, a_v, a_t, a_n = _attack(polar, ratio, inertia, buoyancy, v, cos_t, sin_t, q)
         here = max(v, SLOW)
         cos_a, sin_a = math.cos(alpha), math.sin(alpha)
-        gamma = pitch - alpha
-        sine, cosine = math.sin(gamma), math.cos(gamma)
+        sine, cosine = sin_t * cos_a - cos_t * sin_a, cos_t * cos_a + sin_t * sin_a  # of γ = θ − α
         square = ratio * here * here
         parasite = polar.parasite_drag
         if polar.drag_exponent != 0.0:
@@ -162,41 +166,39 @@ def _fill(
         rate_v = min(rate_v + rate_a * a_v, -1e-3)
         rate_t = buoyancy * cosine / inertia + rate_a * a_t
         # the considered, per 1-sigma: direct, and through α by the change of normal force
-        cos_t = math.cos(pitch)
-        for i in range(c):
-            rate_by[i], alpha_by[i] = 0.0, 0.0
-        lifting = square * polar.lift_slope * alpha * cos_a
-        direct = (
-            0.0,
-            -square * parasite / (1.0 + drag_by),
-            0.0,
-            -square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha,
-            0.0,
-            sine,
-            force.by_compression[k] * sine,
-            force.by_expansion[k] * sine,
-            pushing * cos_a / push if push != 0.0 else 0.0,
-            force.by_time[k] * sine,
-            force.by_carried[k] * sine,
-            force.by_flushing[k] * sine,
-        )
-        normal = (
-            0.0,
-            square * parasite / (1.0 + drag_by) * sin_a,
-            lifting / (1.0 + lift_by),
-            square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha * sin_a,
-            square * cos_a,
-            cos_t,
-            force.by_compression[k] * cos_t,
-            force.by_expansion[k] * cos_t,
-            0.0,
-            force.by_time[k] * cos_t,
-            force.by_carried[k] * cos_t,
-            force.by_flushing[k] * cos_t,
-        )
-        for i in range(c):
-            alpha_by[i] = a_n * normal[i]
-            rate_by[i] = direct[i] / inertia + rate_a * alpha_by[i]
+        if c > 0:
+            lifting = square * polar.lift_slope * alpha * cos_a
+            direct = (
+                0.0,
+                -square * parasite / (1.0 + drag_by),
+                0.0,
+                -square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha,
+                0.0,
+                sine,
+                force.by_compression[k] * sine,
+                force.by_expansion[k] * sine,
+                pushing * cos_a / push if push != 0.0 else 0.0,
+                force.by_time[k] * sine,
+                force.by_carried[k] * sine,
+                force.by_flushing[k] * sine,
+            )
+            normal = (
+                0.0,
+                square * parasite / (1.0 + drag_by) * sin_a,
+                lifting / (1.0 + lift_by),
+                square * polar.induced_drag / (1.0 + induced_by) * alpha * alpha * sin_a,
+                square * cos_a,
+                cos_t,
+                force.by_compression[k] * cos_t,
+                force.by_expansion[k] * cos_t,
+                0.0,
+                force.by_time[k] * cos_t,
+                force.by_carried[k] * cos_t,
+                force.by_flushing[k] * cos_t,
+            )
+            for i in range(c):
+                alpha_by[i] = a_n * normal[i]
+                rate_by[i] = direct[i] / inertia + rate_a * alpha_by[i]
         alphas[k, 0], alphas[k, 1], alphas[k, 2] = alpha, a_v, a_t
         for i in range(c):
             alphas[k, 3 + i] = alpha_by[i]
@@ -432,24 +434,41 @@ def unsettled(series: Series, at: Path, settings: Settings) -> np.ndarray:
 
 def _flight(solution: Solution, alphas: np.ndarray, slip: np.ndarray) -> Flight:
     """Return the flight that smoothed states describe, with what states, parameters and the slaving of α leave open."""
-    mean, P = solution.mean, solution.covariance
-    alpha, by_v, by_t = alphas[:, 0], alphas[:, 1], alphas[:, 2]
-    change_alpha = by_v[:, None] * mean[:, SPEED, 1:] + by_t[:, None] * mean[:, PITCH, 1:] + alphas[:, 3:]
-    across = by_v * P[:, SPEED, PITCH] + by_t * P[:, PITCH, PITCH]
-    var_alpha = by_v**2 * P[:, SPEED, SPEED] + by_t * (across + by_v * P[:, SPEED, PITCH])
-    var_alpha += slip**2
-    var_alpha = np.where((by_v == 0.0) & (by_t == 0.0), STALLED**2, var_alpha)  # separated flow: anything
-    pitch = mean[:, PITCH, 0]
-    rows = (
-        (mean[:, SPEED, 0], P[:, SPEED, SPEED], mean[:, SPEED, 1:]),
-        (pitch, P[:, PITCH, PITCH], mean[:, PITCH, 1:]),
-        (alpha, var_alpha, change_alpha),
-        (pitch - alpha, P[:, PITCH, PITCH] + var_alpha - 2.0 * across, mean[:, PITCH, 1:] - change_alpha),
-        (mean[:, WATER, 0], P[:, WATER, WATER], mean[:, WATER, 1:]),
-        (mean[:, DEPTH, 0], P[:, DEPTH, DEPTH], mean[:, DEPTH, 1:]),
-    )
-    state = np.stack([row[0] for row in rows])
-    std = np.sqrt(np.stack([np.maximum(row[1], 0.0) + np.sum(row[2] ** 2, axis=1) for row in rows]))
+    m = slip.size
+    state, std = np.empty((6, m)), np.empty((6, m))
+    mean = solution.mean
+    _describe(mean, solution.covariance, alphas, slip, state, std)
     beyond = (state[0] < LEAST) | (state[0] > MOST)  # where the path was not followed, nothing is known of V
     std[0] = np.where(beyond, MOST + np.abs(state[0]), std[0])
-    return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(alpha.size, dtype=bool))
+    return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(m, dtype=bool))
+
+
+@njit(cache=True, nogil=True)
+def _describe(
+    mean: np.ndarray, covariance: np.ndarray, alphas: np.ndarray, slip: np.ndarray, state: np.ndarray, std: np.ndarray
+) -> None:
+    """Fill states and 1-sigma of `Flight`; α is linear in V and θ, and anything where flow is separated."""
+    for k in range(slip.size):
+        x, P = mean[k], covariance[k]
+        alpha, by_v, by_t = alphas[k, 0], alphas[k, 1], alphas[k, 2]
+        across = by_v * P[SPEED, PITCH] + by_t * P[PITCH, PITCH]
+        var_alpha = by_v**2 * P[SPEED, SPEED] + by_t * (across + by_v * P[SPEED, PITCH]) + slip[k] ** 2
+        if by_v == 0.0 and by_t == 0.0:
+            var_alpha = STALLED**2
+        state[0, k], state[1, k], state[2, k] = x[SPEED, 0], x[PITCH, 0], alpha
+        state[3, k], state[4, k], state[5, k] = x[PITCH, 0] - alpha, x[WATER, 0], x[DEPTH, 0]
+        std[0, k], std[1, k], std[2, k] = P[SPEED, SPEED], P[PITCH, PITCH], var_alpha
+        std[3, k] = P[PITCH, PITCH] + var_alpha - 2.0 * across
+        std[4, k], std[5, k] = P[WATER, WATER], P[DEPTH, DEPTH]
+        for i in range(6):
+            std[i, k] = max(std[i, k], 0.0)
+        for q in range(1, x.shape[1]):
+            change = by_v * x[SPEED, q] + by_t * x[PITCH, q] + alphas[k, 2 + q]
+            std[0, k] += x[SPEED, q] ** 2
+            std[1, k] += x[PITCH, q] ** 2
+            std[2, k] += change**2
+            std[3, k] += (x[PITCH, q] - change) ** 2
+            std[4, k] += x[WATER, q] ** 2
+            std[5, k] += x[DEPTH, q] ** 2
+        for i in range(6):
+            std[i, k] = math.sqrt(std[i, k])
