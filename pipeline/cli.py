@@ -90,7 +90,7 @@ def run(
             campaign.mark(reports / outcome.name, outcome.name, outcome.error)
     with _workers(planned.jobs, jobs, scheduler) as workers:
         outcomes = campaign.run(planned.jobs, workers, force=force, tell=_tell)
-    page = index.write(processed, reports)
+        page = index.write(processed, reports, workers.start)
     failed = [*planned.failed, *(outcome for outcome in outcomes if outcome.error)]
     done = len(outcomes) + len(planned.failed) - len(failed)
     print(f"{done} done, {len(failed)} failed: {page}")

@@ -61,6 +61,17 @@ class Workers:
         self._executor = self._make()
         return self._executor.submit(task, *arguments)
 
+    def start(self, task: Callable[..., T], *arguments: Any) -> Callable[[], T]:
+        """Hand over `task`, and return what waits for its result; it is done here if its process is killed."""
+        future = self.submit(task, *arguments)
+
+        def result() -> T:
+            with suppress(BrokenExecutor):
+                return future.result()
+            return task(*arguments)
+
+        return result
+
     def __enter__(self) -> Workers:
         return self
 

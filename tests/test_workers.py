@@ -24,6 +24,18 @@ def test_a_worker_leaves_interrupts_to_its_parent_and_computes_on_one_thread() -
         assert {workers.submit(os.getenv, name).result() for name in ONE_THREAD} == {"1"}
 
 
+def test_a_worker_that_is_killed_leaves_its_task_to_be_done_here() -> None:
+    caught: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: caught.append(number))
+    try:
+        with local(1) as workers:
+            assert workers.start(os.getpid)() != os.getpid()
+            workers.start(signal.raise_signal, signal.SIGTERM)()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert caught == [signal.SIGTERM]
+
+
 def test_workers_compute_on_one_thread_whatever_was_started_before_them() -> None:
     program = (
         "import os; from pipeline.workers import ONE_THREAD, beside, local\n"
