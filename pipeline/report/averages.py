@@ -7,7 +7,7 @@ measured side does, as far as neighbouring blocks do not share the water's motio
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -65,20 +65,20 @@ def parity(table: pd.DataFrame, settings: Mapping[str, Any] | None = None, *, by
     """
     rows: list[dict[str, Any]] = []
     slanting = table[(table["direction"] != 0) & (table["label"] != "circular")]
-    keys = ["trim", "quantity", "powered"] + ["dive"] * by_dive
-    for _key, group in slanting.groupby(keys, sort=True):
-        sides = group.groupby("dive")["direction"].nunique()
-        paired = group[group["dive"].isin(sides.index[sides == 2])]
-        if paired.empty:
-            continue
-        count = paired.groupby(["dive", "direction"])["error"].transform("size").to_numpy(dtype=np.float64)
-        dives = int(paired["dive"].nunique())
-        weights = 0.5 / (count * dives) * _size(paired)
-        sign = np.where(paired["direction"].to_numpy() < 0, 1.0, -1.0)
-        even, odd = combine(paired, weights, settings), combine(paired, weights * sign, settings)
+    kind = ["trim", "quantity", "powered"]
+    sides = slanting.groupby([*kind, "dive"])["direction"].transform("nunique")
+    paired = slanting[sides == 2]
+    paired = paired.assign(count=paired.groupby([*kind, "dive", "direction"])["error"].transform("size"))
+    keys = kind + ["dive"] * by_dive
+    for _key, group in paired.groupby(keys, sort=True):
+        dives = int(group["dive"].nunique())
+        weights = 0.5 / (floats(group, "count") * dives) * _size(group)
+        sign = np.where(group["direction"].to_numpy() < 0, 1.0, -1.0)
+        weighed = _weighed(group, settings)
+        even, odd = weighed(weights), weighed(weights * sign)
         rows.append(
             {
-                **_key_of(paired, *keys),
+                **_key_of(group, *keys),
                 "dives": dives,
                 "even": even["error"],
                 "even_u": even["u_val"],
@@ -110,33 +110,45 @@ def combine(group: pd.DataFrame, weights: Array, settings: Mapping[str, Any] | N
     settings
         The estimator's ``sigma_w`` and ``tau_w``.
     """
+    return _weighed(group, settings)(weights)
+
+
+def _weighed(group: pd.DataFrame, settings: Mapping[str, Any] | None) -> Callable[[Array], dict[str, float]]:
+    """Return what gives the weighted sum of comparisons of one kind by its weights, as `combine`."""
     order = np.argsort(floats(group, "start_s"), kind="stable")
-    group, w = group.iloc[order], weights[order]
-    sigma, tau = water_of(settings)
+    group = group.iloc[order]
     common = group["common"].to_numpy(dtype=bool)
-    noise = _correlated(group, sigma, tau)
-    random = noise.variance(np.where(common, 0.0, w)) + float(np.sum(w * floats(group, "own_measured") * common)) ** 2
-    systematic = measured_systematic = predicted_systematic = 0.0
-    for name in EFFECTS:
-        theory = floats(group, f"predicted_{name}")
-        measured = floats(group, f"measured_{name}") if name in SHARED else np.zeros_like(theory)
-        systematic += float(np.sum(w * (theory - measured))) ** 2
-        measured_systematic += float(np.sum(w * measured)) ** 2
-        predicted_systematic += float(np.sum(w * theory)) ** 2
-    inputs = float(np.sum(np.abs(w) * floats(group, "own_input"))) ** 2
-    error = float(np.sum(w * floats(group, "error")))
-    measured_mean = float(np.sum(w * floats(group, "measured")))
-    total = math.sqrt(random + systematic + inputs)
-    return {
-        "predicted": float(np.sum(w * floats(group, "predicted"))),
-        "predicted_std": math.sqrt(predicted_systematic + inputs),
-        "measured": measured_mean,
-        "measured_std": math.sqrt(random + measured_systematic),
-        "error": error,
-        "u_val": total,
-        "significance": abs(error) / total if total > 0 else math.nan,
-        "relative_error": error / abs(measured_mean) if measured_mean else math.nan,
-    }
+    noise = _correlated(group, *water_of(settings))
+    error, predicted, measured = (floats(group, name) for name in ("error", "predicted", "measured"))
+    own_measured, own_input = floats(group, "own_measured") * common, floats(group, "own_input")
+    theory = np.array([floats(group, f"predicted_{name}") for name in EFFECTS])
+    shared = np.array(
+        [floats(group, f"measured_{name}") if name in SHARED else np.zeros(len(group)) for name in EFFECTS]
+    )
+
+    def squared(effects: Array) -> float:
+        """Return the variance by effects, one a row, each of which the comparisons have in common."""
+        return float(np.sum(np.sum(effects, axis=1) ** 2))
+
+    def combined(weights: Array) -> dict[str, float]:
+        w = weights[order]
+        random = noise.variance(np.where(common, 0.0, w)) + float(np.sum(w * own_measured)) ** 2
+        inputs = float(np.sum(np.abs(w) * own_input)) ** 2
+        mean = float(np.sum(w * measured))
+        found = float(np.sum(w * error))
+        total = math.sqrt(random + squared(w * (theory - shared)) + inputs)
+        return {
+            "predicted": float(np.sum(w * predicted)),
+            "predicted_std": math.sqrt(squared(w * theory) + inputs),
+            "measured": mean,
+            "measured_std": math.sqrt(random + squared(w * shared)),
+            "error": found,
+            "u_val": total,
+            "significance": abs(found) / total if total > 0 else math.nan,
+            "relative_error": found / abs(mean) if mean else math.nan,
+        }
+
+    return combined
 
 
 def _correlated(group: pd.DataFrame, sigma: float, tau: float) -> Noise:
