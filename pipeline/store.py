@@ -10,6 +10,7 @@ that a run that finds nothing to do ends at once.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import math
@@ -248,7 +249,13 @@ def read_metadata(path: Path) -> dict[str, str]:
 
 
 def digest(path: Path) -> str:
-    """Return the BLAKE2b digest of the file `path`, 32 hexadecimal digits."""
+    """Return the BLAKE2b digest of the file `path`, 32 hexadecimal digits; a file that has not changed is read once."""
+    state = path.stat()
+    return _digest(path.absolute(), state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+
+
+@functools.cache
+def _digest(path: Path, *_state: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 

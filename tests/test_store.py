@@ -245,3 +245,14 @@ def test_a_list_of_numbers_has_one_line_and_every_key_its_own(tmp_path: Path) ->
 }
 """
     assert (tmp_path / "x.json").read_text() == expected
+
+
+def test_a_file_that_has_not_changed_is_digested_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text("time,pressure\n")
+    before = store.digest(file)
+    with monkeypatch.context() as patch:
+        patch.setattr(hashlib, "file_digest", lambda *_: pytest.fail("read again"))
+        assert store.digest(file) == before
+    store.write_text(file, "time,pressurf\n")
+    assert store.digest(file) != before == hashlib.blake2b(b"time,pressure\n", digest_size=16).hexdigest()
