@@ -110,8 +110,9 @@ def write(
         out.dimensions = {DIMENSION: len(records)}
         _coordinates(out, mission, vehicle, records)
         for method, table in present.items():
+            seen = table["observable"].to_numpy(dtype=bool)
             for variable in VARIABLES:
-                _estimate(out, table, method, variable)
+                _estimate(out, table, method, variable, seen)
             _status(out, table, method)
 
 
@@ -213,7 +214,7 @@ def name_of(variable: Variable, method: str) -> str:
     return variable.name if coordinate else f"{variable.name}_{method.upper()}"
 
 
-def _estimate(out: Any, table: Columns, method: str, variable: Variable) -> None:
+def _estimate(out: Any, table: Columns, method: str, variable: Variable, seen: np.ndarray) -> None:
     """Write one estimate with its 1-sigma, and a quality flag where the data may not determine it."""
     name = name_of(variable, method)
     beside = [f"{name}_STD", *([f"{name}_QC", f"STATUS_{method.upper()}"] if variable.flagged else [])]
@@ -240,7 +241,7 @@ def _estimate(out: Any, table: Columns, method: str, variable: Variable) -> None
     }
     _put(out, f"{name}_STD", _column(table, f"{variable.column}_std", variable.factor), math.nan, std)
     if variable.flagged:
-        flag = np.where(table["observable"].to_numpy(dtype=bool), int(Quality.GOOD), int(Quality.MISSING))
+        flag = np.where(seen, int(Quality.GOOD), int(Quality.MISSING))
         quality = {"long_name": f"quality flag of {name}", "standard_name": "quality_flag", **_flags(Quality)}
         _put(out, f"{name}_QC", flag.astype(np.int8), None, quality)
 
