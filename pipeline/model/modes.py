@@ -10,20 +10,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.model.dynamics import Body, body_of, derivatives
-from pipeline.model.forces import propeller_of
+from pipeline.model.forces import disk_thrust, propeller_of
 from pipeline.model.predict import free_angle_of_attack
 from pipeline.model.steady import NO_THRUST_LAW, steady_state, trim_at_pitch
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 Array = NDArray[np.float64]
-Hold = Literal["propeller_speed", "thrust", "advance_ratio"]
+Hold = Literal["propeller_speed", "propeller_power", "thrust", "advance_ratio"]
 
 _STEP = 1e-3
 
@@ -143,6 +143,7 @@ def equilibrium(
     pitch: float | None = None,
     thrust: float | None = None,
     propeller_speed: float | None = None,
+    propeller_power: float | None = None,
     density: float | None = None,
     moment_sin: float = 0.0,
     hold: Hold | None = None,
@@ -157,19 +158,21 @@ def equilibrium(
         G, N, up positive.
     angle_of_attack, pitch
         α or θ, rad. Without either α_e = -K_M0/K_M, the angle of attack of the paper's free pitch.
-    thrust, propeller_speed
-        T, N, or n, rev/s. Without either the vehicle glides.
+    thrust, propeller_speed, propeller_power
+        T, N, or n, rev/s, or P, W. Without any the vehicle glides.
     density
         In-situ density, kg/m³; the vehicle's reference density if left out.
     moment_sin
         Righting moment M_s in M_c cos θ + M_s sin θ, N m, negative = bottom-heavy; M_c follows from the trim.
     hold
-        What is held: ``propeller_speed``, ``thrust`` or ``advance_ratio``. If left out, that which is given.
+        What is held: ``propeller_speed``, ``propeller_power``, ``thrust`` or ``advance_ratio``. If left out, that which
+        is given. At a held power thrust follows its tangent in speed.
 
     Raises
     ------
     ValueError
-        If both angle of attack and pitch are given, `hold` is none of the three, or as for `steady.steady_state`.
+        If both angle of attack and pitch are given, `hold` is none of the four, or is ``propeller_power`` and none is
+        given, or as for `steady.steady_state`.
 
     Examples
     --------
@@ -179,25 +182,34 @@ def equilibrium(
     """
     if angle_of_attack is not None and pitch is not None:
         raise ValueError("found both angle_of_attack and pitch; give one of them")
-    held: Hold = hold or ("thrust" if propeller_speed is None else "propeller_speed")
-    if held not in ("propeller_speed", "thrust", "advance_ratio"):
-        raise ValueError(f"hold: found {held!r}; expected 'propeller_speed', 'thrust' or 'advance_ratio'")
+    driving: Hold = "thrust"
+    if propeller_speed is not None:
+        driving = "propeller_speed"
+    elif propeller_power is not None:
+        driving = "propeller_power"
+    held = hold or driving
+    if held not in get_args(Hold):
+        raise ValueError(f"hold: found {held!r}; expected {', '.join(get_args(Hold)[:-1])} or {get_args(Hold)[-1]}")
+    if held == "propeller_power" and propeller_power is None:
+        raise ValueError("hold: found 'propeller_power' and no propeller_power; give it, W")
     unfree = ""
     if pitch is not None:
         state = trim_at_pitch(
-            vehicle, net_buoyancy, pitch, thrust=thrust, propeller_speed=propeller_speed, density=density
-        )
+            vehicle, net_buoyancy, pitch, thrust=thrust, propeller_speed=propeller_speed,
+            propeller_power=propeller_power, density=density,
+        )  # fmt: skip
     else:
         alpha, unfree = free_angle_of_attack(vehicle) if angle_of_attack is None else (angle_of_attack, "")
         state = steady_state(
-            vehicle, net_buoyancy, alpha, thrust=thrust, propeller_speed=propeller_speed, density=density
-        )
+            vehicle, net_buoyancy, alpha, thrust=thrust, propeller_speed=propeller_speed,
+            propeller_power=propeller_power, density=density,
+        )  # fmt: skip
     body, polar = body_of(vehicle), Polar(*(float(value) for value in vehicle.polar))
     unknown = [name for name in Body._fields if math.isnan(vehicle[name])]
     reason = f"the vehicle file leaves {', '.join(unknown)} unknown" if unknown else unfree or str(state.reason)
     actual = vehicle["reference_density"] if density is None else float(density)
     speed, theta = float(state.speed), float(state.pitch)
-    push, pull, square = _law(vehicle, held, float(state.thrust), propeller_speed, speed, actual)
+    push, pull, square = _law(vehicle, held, float(state.thrust), propeller_speed, propeller_power, speed, actual)
     if not reason and math.isnan(push):
         reason = NO_THRUST_LAW
     moment = float(state.required_moment) - moment_sin * math.sin(theta)
@@ -211,7 +223,13 @@ def equilibrium(
 
 
 def _law(
-    vehicle: Vehicle, hold: Hold, thrust: float, propeller_speed: float | None, speed: float, density: float
+    vehicle: Vehicle,
+    hold: Hold,
+    thrust: float,
+    propeller_speed: float | None,
+    propeller_power: float | None,
+    speed: float,
+    density: float,
 ) -> tuple[float, float, float]:
     """Return push [N], pull [N s/m] and square [N s²/m²] of the thrust near steady flight; NaN without a thrust law."""
     if thrust == 0.0 and not propeller_speed:
@@ -220,6 +238,9 @@ def _law(
         return thrust, 0.0, 0.0
     if hold == "advance_ratio":
         return 0.0, 0.0, thrust / speed**2
+    if hold == "propeller_power" and propeller_power and vehicle.disk is not None:
+        _, pull = disk_thrust(vehicle.disk, density, propeller_power, speed)
+        return thrust - pull * speed, pull, 0.0
     if vehicle.propeller is None:
         return math.nan, math.nan, math.nan
     law = propeller_of(vehicle)

@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.model.dynamics import trajectory
+from pipeline.model.forces import disk_thrust
 from pipeline.model.modes import Equilibrium, deviation_rates, equilibrium, modes
+from pipeline.model.steady import trim_at_pitch
 from pipeline.vehicle import Vehicle, load
 
 PETREL = load("petrel-ii")
@@ -144,6 +146,31 @@ def test_propeller_speed_that_holds_a_given_thrust_is_the_paper_s() -> None:
     assert state.flight.thrust == pytest.approx(7.0, rel=1e-12)
 
 
+def test_at_a_held_power_thrust_falls_as_that_of_the_actuator_disk_does() -> None:
+    by_power = PETREL.with_values({"propulsive_efficiency": 0.5}, "a test")
+    disk = by_power.disk
+    assert disk is not None
+    state = equilibrium(by_power, 3.0, pitch=0.4, propeller_power=12.0, density=1027.0)
+    assert (state.hold, state.reason) == ("propeller_power", "")
+    flight = state.flight
+    trim = trim_at_pitch(by_power, 3.0, 0.4, propeller_power=12.0, density=1027.0)
+    assert flight.speed == pytest.approx(float(trim.speed), rel=1e-12)
+    assert flight.thrust == pytest.approx(float(trim.thrust), rel=1e-9)
+    for change in (-0.01, 0.01):
+        there = flight.push + flight.pull * (flight.speed + change)
+        assert there == pytest.approx(disk_thrust(disk, 1027.0, 12.0, flight.speed + change)[0], rel=1e-4)
+    damping = {
+        hold: np.trace(modes(equilibrium(by_power, 3.0, pitch=0.4, propeller_power=12.0, hold=hold)).matrix)
+        for hold in ("propeller_power", "thrust")
+    }
+    expected = flight.pull * math.cos(flight.angle_of_attack) / by_power["mass_forward"]
+    assert damping["propeller_power"] - damping["thrust"] == pytest.approx(expected, rel=0.05)
+
+
+def test_without_power_a_held_power_is_a_glide() -> None:
+    assert equilibrium(PETREL, 5.0, propeller_power=0.0).flight == equilibrium(PETREL, 5.0).flight
+
+
 def test_a_nose_that_turns_away_from_its_path_is_unstable() -> None:
     found = modes(equilibrium(PETREL.with_values({"moment_slope": 313.8643, "moment_at_zero": 0.7959}, "test"), 7.0))
     assert not found.stable
@@ -176,3 +203,5 @@ def test_contradictory_requests_are_refused() -> None:
         equilibrium(PETREL, 7.0, angle_of_attack=ALPHA_E, pitch=0.3)
     with pytest.raises(ValueError, match="hold: found 'power'"):
         equilibrium(PETREL, 7.0, hold="power")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'propeller_power' and no propeller_power; give it, W"):
+        equilibrium(PETREL, 7.0, thrust=3.0, hold="propeller_power")

@@ -69,6 +69,15 @@ def test_steady_flight_of_petrel_returns_from_what_is_near_and_an_unknown_inerti
     assert "none is known to die out" in blind.alt
 
 
+def test_flight_by_the_propellers_power_has_its_region_too(petrel: Vehicle) -> None:
+    by_power = petrel.with_values({"propulsive_efficiency": 0.5}, "a test")
+    table = blocks(dives=2, powered_climbs=True).query("powered").assign(propeller_speed=np.nan, propeller_power=20.0)
+    found = stability(table, predict(by_power, table), by_power)
+    assert found is not None
+    assert "climbs under propeller" in found.alt
+    assert 50 <= int(found.alt.split(", ")[-1].split(" % die out")[0]) <= 100
+
+
 def test_without_theory_there_is_no_figure_of_stability(unknown: Vehicle) -> None:
     given = inputs(Mission(vehicle="petrel-ii"), unknown, blocks(dives=1))
     assert stability(given.blocks, given.predictions, unknown) is None

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
 from pipeline.model.attraction import CONVERGED, Attraction, attraction
+from pipeline.model.case import driven
 from pipeline.model.modes import Equilibrium, equilibrium
 from pipeline.records import Column
 from pipeline.report.compare import DIRECTIONS, density_of, floats
@@ -101,11 +102,14 @@ def _flown(both: pd.DataFrame, vehicle: Vehicle) -> Flown:
     group = max(groups, key=len)
     powered = bool(group["powered"].iloc[0])
     force = float(np.nanmedian(floats(group, "net_buoyancy")))
+    turning = group["powered"].to_numpy(dtype=bool)
+    speed, power = driven(vehicle, turning, floats(group, "propeller_speed"), floats(group, "propeller_power"))
     state = equilibrium(
         vehicle,
         force,
         pitch=float(np.nanmedian(floats(group, "pitch"))),
-        propeller_speed=float(np.nanmedian(floats(group, "propeller_speed"))) if powered else None,
+        propeller_speed=float(np.median(speed)) or None,
+        propeller_power=float(np.median(power)) or None,
         density=float(np.median(density_of(group, vehicle))),
         moment_sin=vehicle["righting_moment"],
     )
