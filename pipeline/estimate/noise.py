@@ -25,7 +25,10 @@ B = TypeVar("B")
 SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "unsteadiness": 1.0, "depth_noise": 1.0, "swell": 2.0}
 #: The search ends when a step gains less than this share of the logarithm of likelihood; slopes are read off steps of
 #: this size.
-ENOUGH, SLIGHT = 1e-6, 1e-3
+ENOUGH, SLIGHT = 1e-8, 1e-3
+#: The least variance that a search is believed to have guessed, over that of what was known before; and by how much the
+#: logarithm of likelihood changes over steps that its curvature is read off.
+TINY, RISE = 1e-6, 0.05
 #: No level is farther from its median than this many 1-sigma.
 BOUND = 4.0
 #: Median of σ of w_w (m/s) before the search.
@@ -33,8 +36,11 @@ WATER = 0.015
 #: What is left of a manoeuvre looks like the water's motion: the search leaves out this much time (s) after one and
 #: before one, besides the margins of `Series`, but no more than this share of the flight between two.
 SETTLING, LEADING, SHARE = 75.0, 45.0, 0.25
-#: Noise is read off at least this many samples.
-FEWEST = 40
+#: Noise is read off at least this many samples; the ordinary one counts as much as so many.
+FEWEST, ORDINARY = 20, 100.0
+#: Bounds of the noise of pitch (rad) and of its random walk (rad²/s) as they are read off.
+QUIETEST = (math.radians(0.05), math.radians(0.01) ** 2)
+LOUDEST = (math.radians(2.0), math.radians(0.5) ** 2)
 #: Noise of depth (m) and of pitch (rad) are not believed below these.
 QUIET, QUIET_PITCH = 0.005, math.radians(0.01)
 #: An innovation beyond this many standard deviations says nothing of their level; and the logarithm by which the noise
@@ -52,16 +58,20 @@ class Each(Protocol):
 def noise_from(series: Series) -> Settings:
     """Return settings with the sensors' noise read off the high-frequency part of their own records."""
     calm, usual = ~series.manoeuvre, Settings()
-    depth_noise, _ = _noise_and_drift(series.time, series.depth, calm, (usual.depth_noise, 0.0))
-    pitch_noise, pitch_drift = _noise_and_drift(series.time, series.pitch, calm, (usual.pitch_noise, usual.pitch_drift))
-    pitch_noise = float(np.clip(pitch_noise, np.radians(0.05), np.radians(2.0)))
+    depth_noise, _, _ = _noise_and_drift(series.time, series.depth, calm, (usual.depth_noise, 0.0))
+    pitch_noise, pitch_drift, count = _noise_and_drift(
+        series.time, series.pitch, calm, (usual.pitch_noise, usual.pitch_drift)
+    )
+    found = np.clip((pitch_noise, pitch_drift), QUIETEST, LOUDEST)
+    said = count / (count + ORDINARY)
+    pitch_noise, pitch_drift = (found**said * np.array((usual.pitch_noise, usual.pitch_drift)) ** (1.0 - said)).tolist()
     left = walks(series.time, series.pitch, series.turn, series.manoeuvre, ~series.afloat, pitch_noise)
     return Settings(
         depth_noise=float(np.clip(depth_noise, 0.01, 1.0)),
         pitch_noise=pitch_noise,
         turn_drift=left.steady,
         turn_drift_manoeuvre=left.manoeuvre,
-        pitch_drift=float(np.clip(pitch_drift, np.radians(0.01) ** 2, np.radians(0.5) ** 2)),
+        pitch_drift=pitch_drift,
     )
 
 
@@ -141,7 +151,7 @@ def most_probable(
     found = levels(best.x)
     if "sigma_w" not in found:
         return start._replace(**found), np.empty((0, 0))
-    open_ = covariance(cost, best.x, each) * np.outer(spread, spread)
+    open_ = covariance(cost, best.x, best.hess_inv.todense(), each) * np.outer(spread, spread)
     found["sigma_w"] *= float(np.exp(open_[0, 0]))
     found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
     if "unsteadiness" in found:
@@ -245,23 +255,46 @@ def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
     return unsettled
 
 
-def covariance(cost: Callable[[np.ndarray], float], at: np.ndarray, each: Each = map) -> np.ndarray:
-    """Return the covariance of u by the curvature of `cost` at its minimum `at`; at most that of the prior, 1."""
-    step, n = 0.2, at.size
-    unit = step * np.eye(n)
+def covariance(cost: Callable[[np.ndarray], float], at: np.ndarray, guess: np.ndarray, each: Each = map) -> np.ndarray:
+    """Return the covariance of u by the curvature of `cost` at its minimum; at most that of the prior, 1; shape (k, k).
+
+    Differences are central, along the axes of a guess at that covariance, and over steps in which the cost rises by
+    about `RISE`: along the axes of u a valley that is steep one way and flat another would be told by differences of
+    numbers that are all large.
+
+    Parameters
+    ----------
+    cost
+        Minus the logarithm of likelihood times prior of u, shape (k,), whose prior is standard normal.
+    at
+        The minimum, shape (k,).
+    guess
+        The search's own estimate of the covariance, shape (k, k).
+    each
+        How the cost is asked for at several u.
+    """
+    n = at.size
+    spread, vector = np.linalg.eigh(guess)
+    axes = vector * np.sqrt(np.clip(spread, TINY, 1.0))
+    for last in (False, True):
+        here, *beside = each(cost, [at, *(at + axes.T), *(at - axes.T)])
+        single = np.array(beside[:n]) + np.array(beside[n:]) - 2.0 * here
+        if not last:
+            axes = axes * np.sqrt(2.0 * RISE / np.maximum(single, np.sum(axes**2, axis=0)))
     i, j = np.tril_indices(n, -1)
-    points = [at[None], at + unit, at - unit, at + unit[i] + unit[j]]
-    here, ahead, behind, both = np.split(np.array(list(each(cost, np.concatenate(points)))), [1, 1 + n, 1 + 2 * n])
-    curvature = np.diag(ahead + behind - 2.0 * here)
-    curvature[i, j] = curvature[j, i] = both - ahead[i] - ahead[j] + here
-    value, vector = np.linalg.eigh(curvature / step**2)
+    both = (axes[:, i] + axes[:, j]).T
+    double = np.sum(np.reshape(list(each(cost, [*(at + both), *(at - both)])), (2, -1)), axis=0) - 2.0 * here
+    curvature = np.diag(single)
+    curvature[i, j] = curvature[j, i] = 0.5 * (double - single[i] - single[j])
+    inverse = np.linalg.inv(axes)
+    value, vector = np.linalg.eigh(inverse.T @ curvature @ inverse)
     return np.asarray((vector / np.maximum(value, 1.0)) @ vector.T)
 
 
 def _noise_and_drift(
     time: np.ndarray, value: np.ndarray, where: np.ndarray, usual: tuple[float, float]
-) -> tuple[float, float]:
-    """Return the 1-sigma of white noise and the random-walk intensity of a series with a linear trend.
+) -> tuple[float, float, int]:
+    """Return the 1-sigma of white noise and the random-walk intensity of a series with a linear trend, and of how many.
 
     From third differences (a cubic cancels) and from second differences over eight samples, both by their median
     absolute value: white noise of variance r and a walk of q a sample give 20 r + 6 q and 6 r + 16 q. Of the samples
@@ -271,11 +304,11 @@ def _noise_and_drift(
     if known.sum() < FEWEST:
         known = np.isfinite(value)
     if known.sum() < FEWEST:
-        return usual
+        return *usual, 0
     x, t = value[known], time[known]
     lag = 8
     short = (float(np.median(np.abs(np.diff(x, 3)))) / 0.6745) ** 2
     long = (float(np.median(np.abs(x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]))) / 0.6745) ** 2
     step = max(float(np.median(t[lag:] - t[:-lag])) / lag, 1e-3)
     walk = max((20.0 * long - 6.0 * short) / (20.0 * 2.0 * lag - 36.0), 0.0)
-    return float(np.sqrt(max(short - 6.0 * walk, 0.0) / 20.0)), walk / step
+    return float(np.sqrt(max(short - 6.0 * walk, 0.0) / 20.0)), walk / step, int(known.sum())

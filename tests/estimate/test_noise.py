@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
 from pipeline.estimate.linearise import Sources, linearise
-from pipeline.estimate.noise import left_open, levelled, moved
+from pipeline.estimate.noise import covariance, left_open, levelled, moved
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
@@ -130,3 +131,28 @@ def test_in_the_estimates_innovations_of_depth_and_pitch_are_as_large_as_predict
     for method in ("kinematic", "force"):
         for row in report[method]["innovations"]:
             assert row["low_effective"] <= row["nis"] <= row["high_effective"], (method, row["instrument"])
+
+
+# --- The curvature of a search ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [1.0, 30.0, 1000.0])
+def test_a_steep_and_skew_valley_is_not_taken_for_a_flat_one(scale: float) -> None:
+    """Curvatures of 1 to `scale`, tilted against the axes; along each the cost is exp(x) - x, skew by its own width."""
+    turn = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [-1.0, 0.4, 2.0], [0.3, -1.0, 1.0]]))[0]
+    widths, floor = np.array([1.0, 0.5, scale**-0.5]), np.array([0.4, -0.2, 0.1])
+
+    def cost(u: np.ndarray) -> float:
+        x = turn.T @ (u - floor) / widths
+        return float(np.sum(np.exp(x) - x))
+
+    search = minimize(cost, np.zeros(3), method="L-BFGS-B", options={"ftol": 1e-3})
+    found = covariance(cost, search.x, search.hess_inv.todense())
+    np.testing.assert_allclose(turn.T @ found @ turn / np.outer(widths, widths), np.eye(3), atol=0.15)
+
+
+def test_what_the_data_do_not_tell_is_as_open_as_before() -> None:
+    known = covariance(lambda u: 0.5 * float(u @ u), np.zeros(2), np.diag([2.0, 1e-3]))
+    np.testing.assert_allclose(known, np.eye(2), atol=1e-9)
+    saddle = covariance(lambda u: 0.5 * float(u[0] ** 2 - u[1] ** 2), np.zeros(2), np.eye(2))
+    np.testing.assert_allclose(saddle, np.eye(2), atol=1e-9)
