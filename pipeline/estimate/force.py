@@ -440,7 +440,7 @@ def _flight(solution: Solution, alphas: np.ndarray, slip: np.ndarray) -> Flight:
     _describe(mean, solution.covariance, alphas, slip, state, std)
     beyond = (state[0] < LEAST) | (state[0] > MOST)  # where the path was not followed, nothing is known of V
     std[0] = np.where(beyond, MOST + np.abs(state[0]), std[0])
-    return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(m, dtype=bool))
+    return Flight(state, std, mean[:, SPEED, 1:].T, np.ones(m, dtype=bool), np.zeros(m, dtype=bool))
 
 
 @njit(cache=True, nogil=True)

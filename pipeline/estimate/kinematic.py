@@ -144,12 +144,14 @@ def solve(series: Series, model: Model) -> Part:
 
 
 def _considered(vehicle: Vehicle, mission: Mission) -> tuple[list[str], Considered]:
-    """Return what is borrowed and not exactly known: names, and the polars moved by 1-sigma up and down."""
+    """Return what is not exactly known: names, and the polars moved by 1-sigma up and down."""
     polar = vehicle.polar
     names = [name for name in BORROWED[1:] if vehicle.std(name) > 0.0]
     moved = [[polar._replace(**{name: value}) for value in _moved(vehicle, name)] for name in names]
     pitch = float(np.radians(mission.pitch.std_deg))
-    return ["pitch", *names], Considered(pitch, np.array(moved, dtype=np.float64).reshape(-1, 2, len(polar)))
+    return ["pitch", *names, "speed_by_pitch"], Considered(
+        pitch, np.array(moved, dtype=np.float64).reshape(-1, 2, len(polar))
+    )
 
 
 def _moved(vehicle: Vehicle, name: str) -> tuple[float, float]:

@@ -37,6 +37,11 @@ SPAN = 0.6
 #: Relative change of V per change of pitch (1/rad) is taken to be at most this.
 STEEPEST_TURN = 5.0
 
+#: Under power V² goes with thrust and the weight along the path together, in a glide with the latter alone: of a
+#: glide's change of V per change of pitch V follows a share between 0 and 1; this one, with its 1-sigma; and the most
+#: that a glide's is taken for.
+FOLLOWED, STEEPEST_DRIVEN = (0.5, 0.3), 1.5
+
 #: Over a pause in the records (s) longer than this nothing is carried: the states are as open as after it, and the
 #: position anywhere (m). Their covariance would outgrow double precision.
 LONGEST, ANYWHERE = 21_600.0, 1e5
@@ -50,10 +55,10 @@ class Sources(NamedTuple):
 
 
 class Considered(NamedTuple):
-    """What is borrowed and not exactly known: the bias of pitch, and c − 1 coefficients."""
+    """What is not exactly known: the bias of pitch, c − 2 coefficients, and how V follows the pitch under power."""
 
     pitch: float  # rad, 1-sigma
-    polars: np.ndarray  # (c - 1, 2, 5): the polar with one coefficient moved by its 1-sigma each, up and down
+    polars: np.ndarray  # (c - 2, 2, 5): the polar with one coefficient moved by its 1-sigma each, up and down
 
 
 class Trajectory(NamedTuple):
@@ -187,6 +192,10 @@ def _fill(
             q_v = s.speed_drift + (s.stratification * v) ** 2 * met
             if powered or not steady:
                 q_v += (0.5 * v) ** 2 * s.pitch_drift * min(cosine**2 / max(sine**2, 1e-3), 25.0)
+                if powered:
+                    by_turn = 0.5 * cosine / math.copysign(max(abs(sine), 1e-3), sine)
+                    by_turn = min(max(by_turn, -STEEPEST_DRIVEN), STEEPEST_DRIVEN)
+                    turned = FOLLOWED[0] * by_turn * (at.pitch[k + 1] - at.pitch[k])
             else:
                 drag = drag_0 + polar.induced_drag * alpha**2
                 by_turn = 0.5 * cosine / sine * (1.0 - by_pitch) - polar.induced_drag * alpha * by_pitch / drag
@@ -216,6 +225,8 @@ def _fill(
         slowing *= dt / max(v, s.least_speed)
         F[1, SPEED], F[1, RESPONSE] = 1.0 + turned + at.response[k] * slowing / max(v, s.least_speed), -slowing
         b[1, 0] = -at.response[k] * slowing
+        if powered and b.shape[1] > 2 + c:
+            b[1, 2 + c] = v * turned * FOLLOWED[1] / FOLLOWED[0]
         q[RESPONSE] = (s.response_drift if quick else 0.0) * dt
         F[0, source], F[0, PITCH], F[0, DEPTH] = z_v * dt, z_t * dt, 1.0
         F[0, WATER], F[0, SLIP] = -w_weight, z_s * s_weight
@@ -328,7 +339,7 @@ def linearise(
     if cruises:
         n, p = 11, 6 + sources.speed
     moved = considered.polars if considered else np.empty((0, 2, 5))
-    c = 1 + len(moved) if considered else 0
+    c = 2 + len(moved) if considered else 0
     coupled = np.array([DEPTH, SPEED, EAST, NORTH] if sources.fixes else [DEPTH, SPEED])
     r = coupled.size
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, r, n)), np.zeros((m, r, 1 + c))

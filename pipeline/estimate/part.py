@@ -77,6 +77,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
             flight.state[0],
             flight.std[0],
             flight.steady,
+            flight.beyond,
             depth_alone=by_depth,
             glide=method == "kinematic",
         )

@@ -45,6 +45,11 @@ class Solve(Protocol):
         """Return the solution of `problem`; without its covariances unless `whole`."""
 
 
+#: Thrust makes a vehicle faster and its α less than in a glide at the same pitch: beyond this share of a glide's α, and
+#: with depth alone to tell, it is not the flight that is described.
+FARTHEST = 1.2
+
+
 class Flight(NamedTuple):
     """What an estimate says of the flight: V, θ, α, γ, w_w, z, in this order along the first axis."""
 
@@ -52,6 +57,7 @@ class Flight(NamedTuple):
     std: np.ndarray  # (6, m): all that is not known, the considered parameters included
     by: np.ndarray  # (c, m): change of V per 1-sigma of each considered parameter, as far as it is still open
     steady: np.ndarray  # (m,): steep enough for a glide
+    beyond: np.ndarray  # (m,): under power, and α is farther from zero than `FARTHEST` of a glide's
 
 
 def first_guess(series: Series, polar: Polar) -> Trajectory:
@@ -118,7 +124,7 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
     """
     m, n, columns = solution.mean.shape
     state, std = np.empty((6, m)), np.empty((6, m))
-    by, steady = np.empty((columns - 1, m)), np.empty(m, dtype=np.bool_)
+    by, steady, beyond = np.empty((columns - 1, m)), np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     cruising = series.cruising & (n > CRUISE)
     _describe(
         polar,
@@ -132,8 +138,9 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
         std,
         by,
         steady,
+        beyond,
     )
-    return Flight(state, std, by, steady)
+    return Flight(state, std, by, steady, beyond)
 
 
 @njit(cache=True, nogil=True)
@@ -149,6 +156,7 @@ def _describe(
     std: np.ndarray,
     by: np.ndarray,
     steady: np.ndarray,
+    beyond: np.ndarray,
 ) -> None:
     """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
     m, _, columns = mean.shape
@@ -195,3 +203,4 @@ def _describe(
                 state[i, k] += change[i, q] * told.value[q]
         for i in range(6):
             std[i, k] = np.sqrt(max(std[i, k], 0.0))
+        beyond[k] = powered[k] and steady[k] and abs(state[2, k]) > FARTHEST * abs(glide)

@@ -15,6 +15,7 @@ def verdict(
     speed: np.ndarray,
     speed_std: np.ndarray,
     steady: np.ndarray,
+    beyond: np.ndarray,
     *,
     depth_alone: bool,
     glide: bool = True,
@@ -29,6 +30,8 @@ def verdict(
         Estimated speed and its 1-sigma.
     steady
         Where the pitch is steep enough for a glide.
+    beyond
+        Where the angle of attack found is more than one under power can be.
     depth_alone
         Neither a speed sensor nor fixes are used: then powered level flight is unobservable whatever the filter says.
     glide
@@ -42,6 +45,10 @@ def verdict(
         reason[weak & series.manoeuvre] = "manoeuvre: no steady flight to borrow the polar from"
     reason[weak & ~steady] = "near level: depth carries no speed"
     reason[level & (weak | depth_alone)] = "powered and near level: depth carries no speed and no fixes determine it"
+    if depth_alone:
+        reason[beyond & (reason == "")] = (
+            "powered: the angle of attack found is more than a glide's, and depth alone tells"
+        )
     reason[np.isnan(speed)] = "lift and drag of the vehicle are not known"
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
     reason[series.afloat] = "at the surface"

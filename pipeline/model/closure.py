@@ -18,8 +18,8 @@ from pipeline.vehicle import Polar
 
 #: The closure is used for glides steeper than this pitch (rad) only, whatever the polar.
 LEAST_PITCH = 0.03
-#: Within this of the pitch asked for (rad, times the square of the slope) a step of Newton's leaves 1e-12 rad to go.
-CLOSE = 1e-6
+#: Within this of the pitch asked for (rad, times the square of the slope) a step of Newton's leaves 1e-14 rad to go.
+CLOSE = 1e-7
 
 
 @njit(cache=True, nogil=True)

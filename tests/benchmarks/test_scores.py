@@ -96,7 +96,7 @@ def claims(cover: float, nees: float, nis: float) -> list[bool]:
     for name in scores.QUANTITIES:
         table[f"cover_{name}"] = cover
         table[f"nees_{name}"] = nees + 0.5 * rng.standard_normal(200)
-    table["nis_depth"] = nis + 0.05 * rng.standard_normal(200)
+    table["nis_depth"], table["std_nis_depth"] = nis + 0.05 * rng.standard_normal(200), 0.05
     return [ok for ok, _ in scores.verdicts(table)]
 
 

@@ -124,7 +124,7 @@ def test_it_asks_the_vehicle_for_lift_and_drag_alone(flown: Flown, found: Estima
     guarded = Guarded(PETREL.name, PETREL.description, PETREL.coefficients)
     compatible = reconcile(flown.records, from_records(flown.records), guarded, flown.mission)
     model = kinematic.prepare(compatible.series, guarded, flown.mission, smoother.solve, fixes=False)
-    assert set(model.names) <= {"pitch", *Polar._fields}
+    assert set(model.names) <= {"pitch", "speed_by_pitch", *Polar._fields}
     result = kinematic.solve(compatible.series, model)
     rows = of_method(found.estimates, "kinematic")
     seen = rows["observable"].to_numpy()

@@ -1,7 +1,9 @@
 """The kinematic estimator: against simulated truth, its symmetries, what it must not know, and real sensors."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import arrays
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,9 +11,12 @@ from dives import fly
 from truth import Trial
 
 from pipeline.estimate import stage
+from pipeline.estimate.linearise import FOLLOWED, SPEED, Considered, Sources, Trajectory, linearise
+from pipeline.estimate.settings import Settings
 from pipeline.mission import Mission
+from pipeline.model.steady import trim_at_pitch
 from pipeline.records import ESTIMATES, Phase, conform
-from pipeline.vehicle import Vehicle
+from pipeline.vehicle import Vehicle, load
 
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
 TRUE_NAMES = ("speed", "angle_of_attack", "path_angle", "vertical_water_velocity")
@@ -243,3 +248,43 @@ def test_an_unknown_engine_is_refused_with_the_nearest_name(trial: Callable[[str
     case = trial(GLIDING)
     with pytest.raises(ValueError, match=r"^engine: found 'filterpi'; did you mean 'filterpy'\?$"):
         estimate(case.records, case.vehicle, case.mission, engine="filterpi")
+
+
+# --- How V follows the pitch under power ------------------------------------------------------------------------------
+
+
+def test_what_v_follows_of_the_pitch_under_power_is_within_what_is_taken() -> None:
+    """Theory of Petrel-II at 600 to 1400 rpm: a share between 0 and 1 of what V would do in a glide."""
+    rng = np.random.default_rng(0)
+    side, step = rng.choice([-1.0, 1.0], 2000), 1e-4
+    pitch, force = side * np.radians(rng.uniform(15.0, 50.0, 2000)), side * rng.uniform(2.0, 12.0, 2000)
+    turning = rng.uniform(10.0, 23.0, 2000)
+    here, more, less = (
+        trim_at_pitch(load("petrel-ii"), force, pitch + change, propeller_speed=turning)
+        for change in (0.0, step, -step)
+    )
+    share = (more.speed - less.speed) / (2.0 * step) / here.speed * 2.0 * np.tan(here.path_angle)
+    share = share[np.isfinite(share)]
+    assert share.size > 1900
+    assert share.min() > 0.0
+    assert share.max() < 1.0
+    assert np.all(np.abs(share - FOLLOWED[0]) < 1.96 * FOLLOWED[1])
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> None:
+    """A dive that flattens, a climb that steepens: half of a glide's change of V, with its 1-sigma."""
+    time, polar = np.arange(0.0, 40.0, 4.0), load("petrel-ii").polar
+    pitch = side * np.linspace(0.6, 0.62, time.size)
+    at = Trajectory(np.full(time.size, 0.5), pitch, np.zeros(time.size), np.zeros(time.size))
+    unknown = Considered(0.0, np.empty((0, 2, 5)))
+    still = replace(arrays.series(time, pitch), stratification=np.zeros(time.size))
+    gliding, driven = (
+        linearise(replace(still, powered=np.full(time.size, on)), polar, Settings(), at, Sources(False, False), unknown)
+        for on in (False, True)
+    )
+    assert not gliding.shift[:, :, 2].any()
+    gained = 0.5 * np.diff(pitch) / np.tan(pitch[:-1])
+    assert gained.min() > 0.0
+    np.testing.assert_allclose(driven.rows[:-1, 1, SPEED] - 1.0, FOLLOWED[0] * gained, rtol=1e-9)
+    np.testing.assert_allclose(driven.shift[:-1, 1, 2], 0.5 * FOLLOWED[1] * gained, rtol=1e-9)

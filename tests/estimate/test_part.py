@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
+import arrays
 import numpy as np
 import pandas as pd
 import pytest
 from dives import Flown
 
+from pipeline.estimate.linearise import PITCH, SLIP, SPEED, Considered
 from pipeline.estimate.preparation import METHODS
 from pipeline.estimate.stage import Estimated
+from pipeline.estimate.told import nothing
+from pipeline.estimate.trajectory import flight
+from pipeline.estimate.verdict import verdict
+from pipeline.model.closure import glide_angle
 from pipeline.records import ESTIMATES, of_method
+from pipeline.vehicle import load
 
 NUMBERS = [column.name for column in ESTIMATES if column.dtype == "float64"]
 ANGLES = ("pitch", "angle_of_attack", "path_angle", "vertical_water_velocity")
@@ -51,3 +61,29 @@ def test_both_find_the_true_speed(flown: Flown, found: Estimated, method: str, l
 def test_the_force_method_sees_through_manoeuvres_that_the_kinematic_does_not(found: Estimated) -> None:
     shares = [of_method(found.estimates, method)["observable"].mean() for method in ("force", "kinematic")]
     assert shares[0] > shares[1]
+
+
+def test_under_power_an_angle_of_attack_beyond_a_glides_is_no_measurement_where_depth_alone_tells() -> None:
+    time = np.arange(0.0, 40.0, 4.0)
+    series = replace(arrays.series(time, 0.4), powered=np.ones(time.size, dtype=bool))
+    speed, std, steady = np.full(time.size, 1.3), np.full(time.size, 0.1), np.ones(time.size, dtype=bool)
+    beyond = time > 20.0
+    found = verdict(series, speed, std, steady, beyond, depth_alone=True)
+    assert set(found[beyond]) == {"powered: the angle of attack found is more than a glide's, and depth alone tells"}
+    assert set(found[~beyond]) == {""}
+    assert set(verdict(series, speed, std, steady, beyond, depth_alone=False)) == {""}
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, 1.19), (1.0, 1.21)])
+def test_it_is_beyond_where_it_is_a_fifth_more_than_a_glides(side: float, most: float) -> None:
+    polar, time = load("petrel-ii").polar, np.arange(0.0, 40.0, 4.0)
+    glide = glide_angle(polar, 0.5, side * 0.4)[0]
+    mean = np.zeros((time.size, 6, 1))
+    mean[:, SPEED, 0], mean[:, PITCH, 0], mean[:, SLIP, 0] = 0.5, side * 0.4, most * glide
+    covariance = np.broadcast_to(1e-6 * np.eye(6), (time.size, 6, 6)).copy()
+    series = replace(arrays.series(time, side * 0.4), powered=np.ones(time.size, dtype=bool))
+    solution = SimpleNamespace(mean=mean, covariance=covariance)
+    found = flight(series, polar, solution, Considered(0.0, np.empty((0, 2, 5))), nothing(0))  # type: ignore[arg-type]
+    assert set(found.beyond) == {most > 1.2}
+    gliding = replace(series, powered=np.zeros(time.size, dtype=bool))
+    assert not flight(gliding, polar, solution, Considered(0.0, np.empty((0, 2, 5))), nothing(0)).beyond.any()  # type: ignore[arg-type]
