@@ -34,7 +34,7 @@ _NUMBERS = ("encoding_ver", "total_num_sensors", "sensors_per_cycle", "state_byt
 _GLIDER = re.compile(r"(.+)-\d{4}-\d{1,3}-\d+-\d+$")
 _LINE = re.compile(rb"s: +[TF] +\d+ +(-1|\d+) +[1248] +[!-~]+ +[!-~]")
 #: Bytes of the record with known values that follows the header, and where its float 123.456 stands.
-_KNOWN, _FLOAT = 17, slice(4, 8)
+_KNOWN, _FLOAT = 16, slice(4, 8)
 
 
 class MissingCacheError(UnreadableError):
@@ -187,7 +187,7 @@ def intact(data: bytes, start: int, sizes: Sequence[int]) -> tuple[int, int, str
     lengths = (padded @ (states == 2).T).ravel()
     offsets = np.arange(count) * 256
     array = np.frombuffer(data, dtype=np.uint8)
-    position, records = start + _KNOWN - 1, 0
+    position, records = start + _KNOWN, 0
     while position < len(data):
         if data[position] == ord("X"):
             return records, position, ""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from dinkum_files import FLIGHT, KNOWN, SCIENCE, compressed, dbd, header, record, sensor_list, write
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from pipeline.findings import InputError
@@ -298,6 +298,8 @@ def test_a_record_with_an_impossible_time_is_left_out(tmp_path):
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(length=st.integers(0, len(GOOD)))
+@example(length=START + len(KNOWN))
+@example(length=START + len(KNOWN) - 1)
 def test_a_file_cut_anywhere_gives_a_beginning_of_what_it_held_or_a_reason(tmp_path, length):
     whole = dinkum.read(write(tmp_path, "whole.dbd", GOOD), tmp_path, ("m_pitch", "m_pressure")).frame
     cut = write(tmp_path, "cut.dbd", GOOD[:length])
