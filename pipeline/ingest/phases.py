@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pipeline.ingest.peaks import peaks
 from pipeline.ingest.seawater import good
 from pipeline.records import Phase
 
@@ -186,9 +185,13 @@ def _legs(stretch: _Stretch) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int64
 
     A turning point rises and falls by 3 m or more (1 % of the depth range, at most 8 m, in deep missions).
     """
+    from scipy.signal import find_peaks
+
     depth = stretch.depth
     prominence = float(np.clip(_TURN_SHARE * np.ptp(depth), *_TURN))
-    turns = np.unique(np.r_[0, peaks(depth, prominence), peaks(-depth, prominence), depth.size - 1])
+    low, _ = find_peaks(depth, prominence=prominence)
+    high, _ = find_peaks(-depth, prominence=prominence)
+    turns = np.unique(np.r_[0, low, high, depth.size - 1])
     fall = np.diff(depth[turns])
     sense = np.where(np.abs(fall) >= 0.9 * prominence, np.sign(fall), 0).astype(np.int8)
     leg = np.repeat(sense, np.diff(turns))
