@@ -12,6 +12,10 @@ the wings; Merckelbach et al. 2019, doi:10.1175/JTECH-D-18-0168.1). Batteries mo
 Three things are not left to chance, as no pilot would: no glide is ordered flatter than the true vehicle's flattest
 one; where a draw of sea, depth and hull would turn net buoyancy about on the way, thermocline and depth are reduced
 until it does not; and a mission that its vehicle does not carry out, because it tumbles, is drawn again.
+
+What has a stated 1-sigma is drawn from Latin hypercubes, one for every `CUBE` seeds (McKay, Beckman & Conover 1979,
+doi:10.2307/1268522): the lift of a vehicle decides whether the intervals of a whole mission hold, and how many of a
+few hundred vehicles have one far from their file's would otherwise be chance.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.stats import norm, qmc
 
 from pipeline import instruments, mission, vehicle
 from pipeline.findings import InputError
@@ -65,6 +70,8 @@ TURNING_DEG_S = 1.5
 BOTTOM_HEAVY = 2.5
 #: A thermocline of this, K, is as weak as it is made.
 WEAK = 0.5
+#: Seeds of one Latin hypercube.
+CUBE = 200
 #: So many missions with one seed are drawn before it is given up.
 DRAWS = 5
 #: Path angles of powered level flight and of the nose-down corrections between, degrees.
@@ -142,23 +149,53 @@ def complete(craft: Vehicle) -> Vehicle:
     return craft.with_values(missing, "made up for the simulated dynamics")
 
 
-def perturbed(craft: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, dict[str, float]]:
-    """Return `craft` with every coefficient drawn around its value, and the standard normal numbers behind them.
+def standard_normal(seed: int, again: int = 0) -> dict[str, float]:
+    """Return a standard normal number for everything that has a stated 1-sigma.
+
+    Over the `CUBE` seeds from one multiple of it to the next, the numbers of each name are spread evenly over their
+    distribution, each name's on its own. They have coefficients' names, and ``pitch_bias`` and ``buoyancy_offset``.
+    """
+    block, place = divmod(seed, CUBE)
+    return dict(zip(_names(), _cube(block, again)[place].tolist(), strict=True))
+
+
+@functools.cache
+def _names() -> list[str]:
+    """Return the names of what has a stated 1-sigma."""
+    return sorted({"pitch_bias", "buoyancy_offset"}.union(*(_load(name).coefficients for name in vehicle.names())))
+
+
+@functools.cache
+def _cube(block: int, again: int) -> np.ndarray:
+    """Return standard normal numbers, shape (`CUBE`, names)."""
+    rng = np.random.default_rng([block, 0xCBE, again])
+    return np.asarray(norm.ppf(qmc.LatinHypercube(len(_names()), rng=rng).random(CUBE)))
+
+
+def perturbed(craft: Vehicle, draws: Mapping[str, float]) -> Vehicle:
+    """Return `craft` with every coefficient off its value by as many 1-sigma as `draws` has under its name.
 
     A coefficient that is not zero keeps its sign: it is log-normal with the file's value as mean and the file's 1-sigma
     as standard deviation. One that is zero is normal.
     """
-    draws: dict[str, float] = {}
     changes: dict[str, float] = {}
-    for name in sorted(craft.coefficients):
-        value, std = craft.coefficients[name].value, craft.coefficients[name].std
-        if math.isfinite(value) and std > 0.0:
-            draws[name] = float(rng.standard_normal())
-            changes[name] = draws[name] * std
-            if value:
-                width = math.log1p((std / value) ** 2)
-                changes[name] = value * math.exp(draws[name] * math.sqrt(width) - 0.5 * width)
-    return craft.with_values(changes, "drawn around the vehicle file"), draws
+    for name, (value, std) in _open(craft).items():
+        changes[name] = draws[name] * std
+        if value:
+            width = math.log1p((std / value) ** 2)
+            changes[name] = value * math.exp(draws[name] * math.sqrt(width) - 0.5 * width)
+    return craft.with_values(changes, "drawn around the vehicle file")
+
+
+def used(craft: Vehicle, draws: Mapping[str, float]) -> dict[str, float]:
+    """Return those of `draws` that a mission of `craft` depends on."""
+    return {name: draws[name] for name in (*_open(craft), "pitch_bias", "buoyancy_offset")}
+
+
+def _open(craft: Vehicle) -> dict[str, tuple[float, float]]:
+    """Return value and 1-sigma of the coefficients of `craft` that have both."""
+    known = {name: (one.value, one.std) for name, one in sorted(craft.coefficients.items())}
+    return {name: (value, std) for name, (value, std) in known.items() if math.isfinite(value) and std > 0.0}
 
 
 def plan_of(seed: int, again: int = 0) -> Flight:
@@ -168,9 +205,8 @@ def plan_of(seed: int, again: int = 0) -> Flight:
     propelled = [name for name in named if _load(name).propeller is not None]
     gliding = [name for name in named if name not in propelled]
     name = str(rng.choice(propelled if rng.uniform() < WITH_PROPELLER else gliding))
-    craft, draws = perturbed(_load(name), rng)
-    craft = complete(craft)
-    draws |= {key: float(rng.standard_normal()) for key in ("pitch_bias", "buoyancy_offset")}
+    draws = used(_load(name), standard_normal(seed, again))
+    craft = complete(perturbed(_load(name), draws))
     pitch_std, ballast_std = rng.uniform(*STATED_PITCH_STD_DEG), rng.uniform(*STATED_BALLAST_STD)
     injection = Injection(
         pitch_bias_deg=draws["pitch_bias"] * pitch_std, buoyancy_offset=draws["buoyancy_offset"] * ballast_std

@@ -35,7 +35,7 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.fleet import Flight, complete, fly, perturbed, vehicles
+from benchmarks.fleet import Flight, complete, fly, perturbed, standard_normal, used, vehicles
 from pipeline import vehicle, workers
 from pipeline.estimate.stage import InMemory, Summary, stream
 from pipeline.model.closure import glide_angle
@@ -289,13 +289,12 @@ def _flattest(craft: Vehicle) -> float:
 
 def flight_of(planned: Campaign) -> Flight:
     """Return what is flown: the true vehicle drawn around the file, the cause injected, the orders."""
-    rng = np.random.default_rng([planned.number, 0xF11])
-    craft, draws = perturbed(planned.craft, rng)
+    draws = used(planned.craft, standard_normal(planned.number))
+    craft = perturbed(planned.craft, draws)
     if craft.propeller is not None:
         factor = craft["thrust_static"] / planned.craft["thrust_static"]
         craft = craft.with_values({"thrust_slope": factor * planned.craft["thrust_slope"]}, "as the static thrust")
     craft = complete(craft)
-    draws |= {name: float(rng.standard_normal()) for name in ("pitch_bias", "buoyancy_offset")}
     changes = {planned.cause: planned.change}
     injection = Injection(
         extra_parasite_drag=changes.get("sensor drag", 0.0),
