@@ -419,10 +419,14 @@ def _water(warm: float, salty: float, deep: float, mixed: float) -> Water:
 
 
 def _carried_out(plan: Plan, orders: _Orders, offset: float, depth: float) -> bool:
-    """Return whether net buoyancy keeps its sign, by `LEAST_FORCE`, at every depth of dives and climbs."""
+    """Return whether net buoyancy keeps its sign, by `LEAST_FORCE`, at every depth of dives and climbs.
+
+    Whatever water the fairing carries along is of one of these depths.
+    """
     sea = Sea.of(plan, np.linspace(0.0, depth + 20.0, 60))
     hull = sea.net_buoyancy(plan) + offset
     sinking, rising = (
         hull + GRAVITY * sea.density * engine_volume(plan, force) for force in (orders.sink, orders.rise)
     )
-    return bool(sinking.max() < -LEAST_FORCE and rising.min() > LEAST_FORCE)
+    least = LEAST_FORCE + float(np.ptp(sea.carried_weight(plan)))
+    return bool(sinking.max() < -least and rising.min() > least)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.mission import Nominal
+from pipeline.model.exchange import fairing_of
 from pipeline.model.forces import GRAVITY, PASCAL_PER_DBAR, net_buoyancy
 from pipeline.vehicle import Vehicle
 
@@ -188,12 +189,16 @@ class Plan:
 
 @dataclass(frozen=True)
 class Sea:
-    """What surrounds the vehicle at some depths, arrays of one shape: dbar, °C, practical salinity, kg/m³."""
+    """What surrounds the vehicle at some depths, arrays of one shape: dbar, °C, practical salinity, kg/m³, kg/m³.
+
+    Potential density is that at the surface less 1000 kg/m³.
+    """
 
     pressure: NDArray[np.float64]
     temperature: NDArray[np.float64]
     salinity: NDArray[np.float64]
     density: NDArray[np.float64]
+    potential_density: NDArray[np.float64]
 
     @classmethod
     def of(cls, plan: Plan, depth: NDArray[np.float64]) -> Sea:
@@ -201,7 +206,9 @@ class Sea:
         temperature, salinity = plan.water.at(depth)
         pressure = np.interp(depth, *_weight(plan, float(np.max(depth, initial=0.0))))
         pressure = np.where(depth < 0.0, gsw.p_from_z(-depth, plan.latitude), pressure)
-        return cls(pressure, temperature, salinity, _density(plan, pressure, temperature, salinity))
+        absolute, conservative = _conservative(plan, pressure, temperature, salinity)
+        density = np.asarray(gsw.rho(absolute, conservative, pressure), dtype=np.float64)
+        return cls(pressure, temperature, salinity, density, np.asarray(gsw.sigma0(absolute, conservative)))
 
     def lift(self, vehicle: Vehicle, *, mass: float, volume: float) -> NDArray[np.float64]:
         """Return the net buoyancy [N] of the hull of `vehicle` with `mass` [kg] and `volume` [m³], engine at zero."""
@@ -221,16 +228,24 @@ class Sea:
         """Return the net buoyancy of `plan`'s vehicle here, N, with the engine at zero."""
         return self.lift(plan.vehicle, mass=plan.vehicle["mass"], volume=plan.volume)
 
+    def carried_weight(self, plan: Plan) -> NDArray[np.float64]:
+        """Return what the water in the fairing of `plan`'s vehicle weighs once it is the water here, N.
 
-def _density(
+        Its potential density less 1000 kg/m³ is weighed: a constant changes nothing.
+        """
+        return fairing_of(plan.vehicle).share * GRAVITY * plan.volume * self.potential_density
+
+
+def _conservative(
     plan: Plan, pressure: NDArray[np.float64], temperature: NDArray[np.float64], salinity: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return absolute salinity, g/kg, and conservative temperature, °C."""
     absolute = (
         np.zeros_like(salinity)
         if plan.water.fresh
         else gsw.SA_from_SP(salinity, pressure, plan.longitude, plan.latitude)
     )
-    return np.asarray(gsw.rho(absolute, gsw.CT_from_t(absolute, temperature, pressure), pressure), dtype=np.float64)
+    return absolute, gsw.CT_from_t(absolute, temperature, pressure)
 
 
 def _weight(plan: Plan, deepest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -239,7 +254,8 @@ def _weight(plan: Plan, deepest: float) -> tuple[NDArray[np.float64], NDArray[np
     temperature, salinity = plan.water.at(depth)
     pressure = gsw.p_from_z(-depth, plan.latitude)
     for _ in range(3):  # density hardly depends on pressure: converges by a factor 200 a time
-        weight = _density(plan, pressure, temperature, salinity) * gsw.grav(plan.latitude, pressure)
+        density = gsw.rho(*_conservative(plan, pressure, temperature, salinity), pressure)
+        weight = density * gsw.grav(plan.latitude, pressure)
         layers = 0.5 * (weight[1:] + weight[:-1]) * np.diff(depth)
         pressure = np.concatenate([[0.0], np.cumsum(layers)]) / PASCAL_PER_DBAR
     return depth, pressure

@@ -135,6 +135,8 @@ BLOCKS = (
     Column("buoyancy_by_compression", "N Pa", "change of net_buoyancy per compressibility of the hull"),
     Column("buoyancy_by_expansion", "N K", "change of net_buoyancy per thermal expansion of the hull"),
     Column("buoyancy_by_lag", "N/s", "change of net_buoyancy per time constant of the hull's temperature"),
+    Column("buoyancy_by_carried", "N", "change of net_buoyancy per share of the hull's volume that a fairing carries"),
+    Column("buoyancy_by_flushing", "N/s", "change of net_buoyancy per time in which that water is renewed"),
     Column("propeller_speed", "rev/s", "mean propeller speed"),
     Column("propeller_speed_std", "rev/s", "1-sigma of propeller_speed"),
     Column("propeller_power", "W", "propeller power, constant, of the same mean thrust"),

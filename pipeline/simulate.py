@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pipeline import instruments, trials
 from pipeline.findings import InputError
 from pipeline.model.dynamics import Body, body_of
+from pipeline.model.exchange import fairing_of
 from pipeline.model.forces import GRAVITY, propeller_of
 from pipeline.model.motion import SPACING
 from pipeline.plan import Plan, Sea, engine_volume
@@ -231,6 +232,7 @@ def _rig(plan: Plan, vehicle: Vehicle, injection: Injection) -> Rig:
         battery_neutral=vehicle["battery_neutral_position"],
         battery_offset=injection.battery_offset,
         righting_moment=vehicle["righting_moment"],
+        flushing_time=fairing_of(vehicle).time,
         pitch_bias=math.radians(injection.pitch_bias_deg),
         pump_rate=plan.pump_rate,
         battery_rate=plan.battery_rate,
@@ -246,10 +248,11 @@ def _rig(plan: Plan, vehicle: Vehicle, injection: Injection) -> Rig:
 
 
 def _column(plan: Plan, injection: Injection) -> NDArray[np.float64]:
-    """Return net buoyancy without engine [N] and density [kg/m³] every `SPACING` metres down, shape (n, 2)."""
+    """Return the water column as `voyage.fly` takes it, every `SPACING` metres down, shape (n, 3)."""
     deepest = max((stage.value for stage in plan.stages if stage.end in ("deeper", "shallower")), default=0.0)
     sea = Sea.of(plan, np.arange(0.0, deepest + MARGIN, SPACING))
-    return np.column_stack([sea.net_buoyancy(plan) + injection.buoyancy_offset, sea.density])
+    hull = sea.net_buoyancy(plan) + injection.buoyancy_offset
+    return np.column_stack([hull, sea.density, sea.carried_weight(plan)])
 
 
 def _truth(plan: Plan, values: NDArray[np.float64]) -> pd.DataFrame:

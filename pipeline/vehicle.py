@@ -54,6 +54,8 @@ KNOWN: dict[str, Quantity] = {
     "compressibility": Quantity("eps", "1/Pa", "relative loss of hull volume per pressure", None),
     "thermal_expansion": Quantity("alpha_T", "1/K", "relative gain of hull volume per temperature", None),
     "reference_temperature": Quantity("T_0", "degC", "temperature at which the hull volume holds", 15.0),
+    "carried_water": Quantity("phi_c", "1", "water a fairing carries along, share of the hull's volume", 0.0),
+    "flushing_time": Quantity("tau_c", "s", "time in which the water carried along is renewed", None),
     "battery_mass": Quantity("m_bar", "kg", "mass of the movable battery", None),
     "battery_neutral_position": Quantity("r_P0", "m", "battery position without pitching moment", 0.0),
     "righting_moment": Quantity("M_s", "N m/rad", "moment M_s sin(pitch), negative = bottom-heavy", 0.0),
@@ -72,9 +74,12 @@ POSITIVE = frozenset(
         "propulsive_efficiency",
         "reference_density",
         "mass",
+        "flushing_time",
         "battery_mass",
     }
 )
+#: Coefficients that are zero, positive or unknown.
+NOT_NEGATIVE = frozenset({"carried_water"})
 
 
 @dataclass(frozen=True)
@@ -310,7 +315,8 @@ def check_value(name: str, value: float, file: str) -> None:
     Raises
     ------
     InputError
-        If there is no such coefficient (the nearest is named), or the value is infinite or not positive as it must be.
+        If there is no such coefficient (the nearest is named), or the value is infinite, or zero or negative where it
+        cannot be.
     """
     if name not in KNOWN:
         raise InputError(file, name, found="an unknown coefficient", remedy=nearest(name, list(KNOWN)))
@@ -318,6 +324,8 @@ def check_value(name: str, value: float, file: str) -> None:
         raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="a finite number")
     if name in POSITIVE and value <= 0:
         raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="a positive number")
+    if name in NOT_NEGATIVE and value < 0:
+        raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="zero or a positive number")
 
 
 def from_seaglider(

@@ -1,10 +1,10 @@
 """A voyage: orders, autopilot, motors and motion second by second, compiled.
 
-The motion (V, γ, α, q; depth and place) is integrated by classical Runge-Kutta steps; the fast modes (period 0.9 to
-4.5 s, relaxation of α 0.17 to 0.8 s) are stable and resolved at 0.1 s. Orders, autopilot and motors act once a
-second, motors moving linearly between; vertical water velocity, current and heading wander are given at the same
-instants and linear between, so that a shorter step converges to the same motion. Afloat the vehicle drifts with the
-water, trims its nose down and swings to the next heading; it dives once heavy enough.
+The motion (V, γ, α, q; depth and place; the water in a fairing) is integrated by classical Runge-Kutta steps; the fast
+modes (period 0.9 to 4.5 s, relaxation of α 0.17 to 0.8 s) are stable and resolved at 0.1 s. Orders, autopilot and
+motors act once a second, motors moving linearly between; vertical water velocity, current and heading wander are given
+at the same instants and linear between, so that a shorter step converges to the same motion. Afloat the vehicle drifts
+with the water, trims its nose down and swings to the next heading; it dives once heavy enough.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.model.dynamics import Body
 from pipeline.model.forces import GRAVITY, thrust
-from pipeline.model.motion import STATES, Ballast, advance, surroundings
+from pipeline.model.motion import INPUTS, STATES, Ballast, advance, surroundings
 from pipeline.vehicle import Polar, Propeller
 
 #: Interval of orders, motors, disturbances and truth, s.
@@ -38,6 +38,7 @@ class Rig(NamedTuple):
     battery_neutral: float
     battery_offset: float
     righting_moment: float
+    flushing_time: float
     pitch_bias: float
     pump_rate: float
     battery_rate: float
@@ -103,21 +104,28 @@ def fly(
     body, polar, propeller, rig
         The vehicle.
     column
-        Net buoyancy without engine [N] and density [kg/m³] every `motion.SPACING` metres from the surface.
+        As in `motion.surroundings`.
     """
     ticks = disturbances.shape[0] - 1
     out = np.empty((ticks, 18))
-    y = np.zeros(7)
+    y = np.zeros(STATES)
     y[1] = stages[0, 0]
     y[4] = FLOATING_DEPTH
-    now = np.zeros(7)
+    y[7] = surroundings(FLOATING_DEPTH, column)[2]
+    now = np.zeros(INPUTS)
     now[0] = stages[0, 1]
     now[3] = stages[0, 3]
-    rate = np.zeros(7)
+    rate = np.zeros(INPUTS)
     work = np.empty((7, STATES))
     ballast = Ballast(
-        rig.reference_density, rig.battery_weight, rig.battery_neutral, rig.battery_offset, rig.righting_moment
+        rig.reference_density,
+        rig.battery_weight,
+        rig.battery_neutral,
+        rig.battery_offset,
+        rig.righting_moment,
+        rig.flushing_time,
     )
+    renewed = -math.expm1(-TICK / rig.flushing_time)
     step = TICK / rig.substeps
     afloat, stage, elapsed = True, 0, 0.0
     reference, error = y[1], 0.0
@@ -134,8 +142,8 @@ def fly(
                 return out[:k], True
         order = stages[stage]
         elapsed += TICK
-        hull, density = surroundings(y[4], column)
-        force = hull + GRAVITY * density * now[0]
+        hull, density, around = surroundings(y[4], column)
+        force = hull + GRAVITY * density * now[0] + around - y[7]
         if not afloat and (order[6] == 1.0 or y[4] < 0.0):
             afloat = True
             y[0], y[1], y[2], y[3], y[4] = 0.0, y[1] + y[2], 0.0, 0.0, max(y[4], 0.0)
@@ -170,7 +178,7 @@ def fly(
         if afloat:
             now[4], rate[4] = 0.0, 0.0
 
-        out[k, :7] = y
+        out[k, :7] = y[:7]
         out[k, 7:14] = now
         out[k, 14] = force
         out[k, 15] = thrust(propeller, density, now[2], y[0])
@@ -180,6 +188,7 @@ def fly(
         if afloat:
             y[1] += _toward(y[1], order[0], 5.0 * rig.pitch_slew) * TICK
             y[4] += (FLOATING_DEPTH - y[4]) * 0.2
+            y[7] += (around - y[7]) * renewed
             y[5] += TICK * (now[5] + 0.5 * TICK * rate[5])
             y[6] += TICK * (now[6] + 0.5 * TICK * rate[6])
             now += TICK * rate

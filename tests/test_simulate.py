@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import lsim
 
 from pipeline import instruments, mission, store
 from pipeline.findings import InputError
@@ -97,6 +98,26 @@ def test_a_shorter_step_changes_nothing_that_matters(name: str) -> None:
     assert len(finer) == len(simulated.truth)
     for column, tolerance in (("speed", 1e-6), ("angle_of_attack", 2e-6), ("pitch", 2e-6), ("depth", 1e-5)):
         assert np.abs(finer[column] - simulated.truth[column]).max() < tolerance, column
+
+
+def test_water_in_the_fairing_is_that_met_a_while_ago() -> None:
+    """Net buoyancy less that of hull and engine, against a first-order lag of the potential density along the dive."""
+    share, time_constant = 0.3, 700.0
+    plan, bare = flown(GLIDING)
+    fairing = {"carried_water": share, "flushing_time": time_constant}
+    plan = dataclasses.replace(plan, vehicle=plan.vehicle.with_values(fairing, "a test"))
+    truth = run(plan).truth
+    sea = Sea.of(plan, truth["depth"].to_numpy())
+    time, density = np.arange(len(truth), dtype=float), sea.density
+    absolute = gsw.SA_from_SP(sea.salinity, sea.pressure, plan.longitude, plan.latitude)
+    around = gsw.rho(absolute, gsw.CT_from_t(absolute, sea.temperature, sea.pressure), 0.0)
+    _, inside, _ = lsim(([1.0], [time_constant, 1.0]), around, time, X0=[time_constant * around[0]])
+    rest = sea.net_buoyancy(plan) + 9.81 * density * truth["buoyancy_volume"].to_numpy()
+    found = truth["net_buoyancy"].to_numpy() - rest
+    np.testing.assert_allclose(found, share * 9.81 * plan.volume * (around - inside), atol=2e-3)
+    assert found.max() > 0.3
+    assert found.min() < -0.3
+    assert len(truth) != len(bare.truth)
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.2, 0.4, 0.8, 1.3, 1.6])

@@ -33,7 +33,7 @@ from pipeline.estimate.noise import WATER, Each, levelled, most_probable, moved,
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
-from pipeline.model.forces import FLUSHING_BEFORE
+from pipeline.model.exchange import FLUSHING_BEFORE
 
 #: What the depth rate may adjust; thrust only where the propeller turned. With a speed sensor all may be.
 ADJUSTED = (

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import gsw
 import numpy as np
 import pandas as pd
 
 from pipeline.estimate.ballast import Hull, borrowed_std, latitude
-from pipeline.estimate.forcing import lagged
+from pipeline.estimate.forcing import weight_around
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
 from pipeline.mission import Mission
-from pipeline.model.forces import HULL_TIME_BEFORE, PASCAL_PER_DBAR, net_buoyancy, power_for, thrust_by_power
+from pipeline.model.exchange import HULL_TIME_BEFORE, carried, fairing_of, lagged
+from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy, power_for, thrust_by_power
 from pipeline.records import BLOCKS, conform, seconds, usable
 from pipeline.vehicle import Vehicle
 
@@ -32,6 +33,18 @@ _JUDGED = ("pitch", "roll", "heading", "speed_through_water")
 
 #: Values in a block by name, shape (k,) each.
 _Values = Mapping[str, np.ndarray]
+
+
+class _Late(NamedTuple):
+    """What lags behind the water around, along the records or in the mean of a block; shape (m,) each."""
+
+    warmth: Any  # K per s of the hull's time constant
+    by_carried: Any  # N per share of the hull's volume that the fairing carries
+    by_fold: Any  # N per that share and e-fold of the time in which it is renewed
+
+    def mean(self, inside: Any) -> _Late:
+        return _Late(*(float(value[inside].mean()) for value in self))
+
 
 NO_ENGINE = Finding("warning", "records", "buoyancy_volume", "no engine volume", "one", "no net buoyancy, no theory")
 
@@ -57,7 +70,11 @@ def means(
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
     gravity = float(gsw.grav(latitude(records, mission), 0.0))
     rotation, power = (records[name].ffill().to_numpy() for name in ("propeller_speed", "propeller_power"))
-    lag = _lag(time, records["temperature"].to_numpy())
+    nothing = np.zeros(time.size)
+    water = (nothing, nothing)
+    if body is not None:
+        water = carried(time, weight_around(records, time, body, gravity), fairing_of(vehicle).time)
+    late = _Late(_warmth(time, records["temperature"].to_numpy()), *water)
     rows: list[dict[str, Any]] = []
     lent = borrowed_std(mission, records)
     estimated = {name: estimates[name].to_numpy() for name in _ESTIMATED}
@@ -86,7 +103,7 @@ def means(
         row |= _sensor(part)
         row |= _battery(part)
         row |= _propeller(rotation[inside], power[inside], row, vehicle)
-        row |= _buoyancy(part, engine[inside], float(lag[inside].mean()), body, vehicle, gravity)
+        row |= _buoyancy(part, engine[inside], late.mean(inside), body, vehicle, gravity)
         level = row["powered"] and abs(row["pitch"]) < LEVEL
         row["direction"] = 0 if level or np.isnan(row["depth_rate"]) else int(-np.sign(row["depth_rate"]))
         rows.append(row)
@@ -195,14 +212,15 @@ def _propeller(rotation: np.ndarray, power: np.ndarray, row: Mapping[str, Any], 
 def _buoyancy(
     part: _Values,
     engine: np.ndarray,
-    lag: float,
+    late: _Late,
     body: Hull | None,
     vehicle: Vehicle,
     gravity: float,
 ) -> dict[str, float]:
     """Return net buoyancy at the block's mean density, pressure and temperature, the hull as warm as the water.
 
-    What a `lag` of the hull's temperature, K per s of its time constant, would change is said beside it.
+    The fairing carries the water that the vehicle file says. What more of it, or a lag of the hull's temperature, would
+    change is said beside it.
     """
     nothing = {"net_buoyancy": np.nan, "net_buoyancy_std": np.nan}
     if body is None:
@@ -222,8 +240,11 @@ def _buoyancy(
             gravity=gravity,
         )
     )
+    fairing = fairing_of(vehicle)
+    value += fairing.share * late.by_carried
     if not np.isfinite(value):
         return nothing
+    by_flushing = fairing.share * late.by_fold / fairing.time
     displaced = gravity * density * body.volume
     by_squeeze = -displaced * PASCAL_PER_DBAR * pressure
     by_expand = displaced * (temperature - vehicle["reference_temperature"])
@@ -231,17 +252,21 @@ def _buoyancy(
         body.std,
         by_squeeze * np.nan_to_num(vehicle.std("compressibility")),
         by_expand * np.nan_to_num(vehicle.std("thermal_expansion")),
+        late.by_carried * fairing.share_std,
+        by_flushing * fairing.time_std,
     )
     return {
         "net_buoyancy": value,
         "net_buoyancy_std": std,
         "buoyancy_by_compression": by_squeeze,
         "buoyancy_by_expansion": by_expand,
-        "buoyancy_by_lag": displaced * vehicle["thermal_expansion"] * lag,
+        "buoyancy_by_lag": displaced * vehicle["thermal_expansion"] * late.warmth,
+        "buoyancy_by_carried": late.by_carried,
+        "buoyancy_by_flushing": by_flushing,
     }
 
 
-def _lag(time: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+def _warmth(time: np.ndarray, temperature: np.ndarray) -> np.ndarray:
     """Return by how much a hull that lags by `HULL_TIME_BEFORE` is warmer than the water, per s of that, shape (m,)."""
     known = np.isfinite(temperature)
     if not known.any():

@@ -12,15 +12,8 @@ from pipeline.estimate.ballast import Hull
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.settings import Noise
 from pipeline.mission import Mission
-from pipeline.model.forces import (
-    CARRIED_STD,
-    FLUSHING_STD,
-    HULL_TIME_BEFORE,
-    HULL_TIME_STD,
-    NO_DISK,
-    disk_thrust_std,
-    propeller_of,
-)
+from pipeline.model.exchange import CARRIED_STD, FLUSHING_BEFORE, HULL_TIME_BEFORE, HULL_TIME_STD, fairing_of
+from pipeline.model.forces import NO_DISK, disk_thrust_std, propeller_of
 from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
 
 #: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
@@ -85,12 +78,15 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
     Parameters
     ----------
     vehicle
-        Coefficients with 1-sigma; what it does not know is taken as zero and known.
+        Coefficients with 1-sigma; what it does not know is taken as zero and known, but for the water that a fairing
+        carries along, which is open by `CARRIED_STD` where the vehicle file says nothing of it.
     mission
         1-sigma of the bias of pitch.
     body
         Mass, and 1-sigma of net buoyancy.
     """
+    fairing = fairing_of(vehicle)
+    stated = "carried_water" in vehicle.coefficients and math.isfinite(vehicle.std("carried_water"))
     std = {
         "pitch": math.radians(mission.pitch.std_deg),
         "lift_at_zero": vehicle.std("lift_at_zero"),
@@ -99,13 +95,15 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         "thermal_expansion": vehicle.std("thermal_expansion"),
         "thrust": _thrust_std(vehicle),
         "hull_time": HULL_TIME_STD,
-        "carried_water": CARRIED_STD,
-        "flushing_time": FLUSHING_STD,
+        "carried_water": fairing.share_std if stated else CARRIED_STD,
+        "flushing_time": fairing.time_std / fairing.time,
     }
     std |= {name: vehicle.std(name) / vehicle[name] for name in ("parasite_drag", "lift_slope", "induced_drag")}
     known = np.nan_to_num(np.array([std[name] for name in PARAMETERS]))
     centre = np.zeros(len(PARAMETERS))
     centre[HULL_TIME] = HULL_TIME_BEFORE
+    centre[CARRIED] = fairing.share
+    centre[FLUSHING] = math.log(fairing.time / FLUSHING_BEFORE)
     forward = vehicle["mass_forward"]
     return Craft(
         vehicle.polar,

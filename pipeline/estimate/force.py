@@ -24,7 +24,8 @@ from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import Flight, Solve, still
-from pipeline.model.forces import FLUSHING_BEFORE, disk_thrust, thrust
+from pipeline.model.exchange import FLUSHING_BEFORE
+from pipeline.model.forces import disk_thrust, thrust
 from pipeline.vehicle import Disk, Polar, Propeller
 
 #: States, in order.

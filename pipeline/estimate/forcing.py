@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import gsw
 import numpy as np
 import pandas as pd
-from numba import njit
 
 from pipeline.estimate.ballast import Hull, latitude
 from pipeline.estimate.series import increasing, potential_density
 from pipeline.mission import Mission
+from pipeline.model.exchange import carried, lagged
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
 from pipeline.records import seconds, usable
 from pipeline.vehicle import Vehicle
@@ -84,7 +83,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             -displaced * PASCAL_PER_DBAR * pressure,
             displaced * (temperature - vehicle["reference_temperature"]),
             np.zeros(time.size),
-            -gravity * body.volume * np.nan_to_num(_between(time, potential_density(records))),
+            -weight_around(records, time, body, gravity),
             np.zeros(time.size),
             density,
             records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
@@ -125,13 +124,10 @@ def with_thermal_lag(
 def with_carried_water(force: Forcing, time: np.ndarray, share: float, constant: float) -> Forcing:
     """Return `force` for a fairing that carries water along and renews it with a time constant.
 
-    The water carried is as compressible as that around it, so that its weight there is by the difference of their
-    potential densities. Sinking, it comes from above and is light; rising, it is heavy.
-
     Parameters
     ----------
     force
-        As from `forcing`, m instants: `by_carried` is the weight of the water around.
+        As from `forcing`, m instants: `by_carried` is less than zero by the weight of the water around.
     time
         s, shape (m,).
     share
@@ -139,24 +135,25 @@ def with_carried_water(force: Forcing, time: np.ndarray, share: float, constant:
     constant
         Time constant, s.
     """
-    late = lagged(time, force.by_carried, constant)
-    later = lagged(time, force.by_carried, 1.01 * constant)
-    return force._replace(by_carried=late - force.by_carried, by_flushing=share / math.log(1.01) * (later - late))
+    by_carried, by_fold = carried(time, -force.by_carried, constant)
+    return force._replace(by_carried=by_carried, by_flushing=share * by_fold)
 
 
-@njit(cache=True, nogil=True)
-def lagged(time: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
-    """Return `value`, linear between instants, as seen by a first-order lag with this constant, s; shapes (m,)."""
-    late = value.copy()
-    dt_0, gone = -1.0, 0.0
-    for k in range(1, time.size):
-        dt = time[k] - time[k - 1]
-        if constant > 0.0:
-            if dt != dt_0:
-                gone, dt_0 = -math.expm1(-max(dt, 0.0) / constant), dt
-            behind = (value[k] - value[k - 1]) * (gone * constant / dt if dt > 0.0 else 1.0)
-            late[k] = value[k] - behind + (1.0 - gone) * (late[k - 1] - value[k - 1])
-    return late
+def weight_around(records: pd.DataFrame, time: np.ndarray, body: Hull, gravity: float) -> np.ndarray:
+    """Return what a hull's volume of the water around weighs by its potential density less 1000 kg/m3, N, shape (m,).
+
+    It is zero throughout where no potential density was measured.
+
+    Parameters
+    ----------
+    records
+        Canonical records, m rows.
+    time
+        s, shape (m,).
+    body, gravity
+        Volume of the hull, and acceleration of gravity, m/s2.
+    """
+    return np.asarray(gravity * body.volume * np.nan_to_num(_between(time, potential_density(records))))
 
 
 def _power(records: pd.DataFrame, vehicle: Vehicle) -> np.ndarray:

@@ -21,13 +21,6 @@ NO_DISK = Disk(0.0, 0.0)
 
 GRAVITY = 9.81
 PASCAL_PER_DBAR = 1e4
-#: s, the time in which a hull takes on the temperature of the water, where nothing is known of it; and its 1-sigma.
-HULL_TIME_BEFORE, HULL_TIME_STD = 150.0, 150.0
-#: Water that a free-flooding fairing carries along, as a share of the hull's volume: none, and its 1-sigma. Fairings
-#: enclose about 0.1 (nose and tail of a Slocum) to 0.4 (the whole of a Seaglider) of it, more or less well flushed.
-CARRIED_STD = 0.25
-#: s, the time in which that water is renewed, where nothing is known of it; and the 1-sigma of its natural logarithm.
-FLUSHING_BEFORE, FLUSHING_STD = 300.0, 1.0
 
 
 def propeller_of(vehicle: Vehicle) -> Propeller:

@@ -23,8 +23,9 @@ from pipeline.model.case import (
     unusable,
 )
 from pipeline.model.dynamics import Body, body_of
+from pipeline.model.exchange import FLUSHING_BEFORE
 from pipeline.model.forces import GRAVITY, propeller_of
-from pipeline.model.motion import STATES, Ballast, advance, rates
+from pipeline.model.motion import INPUTS, STATES, Ballast, advance, rates
 from pipeline.vehicle import Polar, Propeller, Vehicle
 
 Array = NDArray[np.float64]
@@ -180,7 +181,7 @@ def simulate(
     reason = _reason(vehicle, inputs)
     if not reason:
         knots, schedule, density = _schedule(inputs, when, vehicle)
-        column = np.array([[0.0, density], [0.0, density]])
+        column = np.array([[0.0, density, 0.0], [0.0, density, 0.0]])
         craft = (body_of(vehicle), Polar(*map(float, vehicle.polar)), propeller_of(vehicle), _ballast(vehicle, inputs))
         if method == "fixed":
             values, end, at = _fly(start, knots, schedule, step, *craft, column)
@@ -188,7 +189,7 @@ def simulate(
             reason = f"{_ENDS[end]} ({at:.6g} s)" if end else ""
         else:
             flown, reason = _fly_implicitly(start, knots, schedule, when, craft, column)
-    speed, path_angle, alpha, pitch_rate, depth, _, distance = flown.T.copy()
+    speed, path_angle, alpha, pitch_rate, depth, _, distance, _ = flown.T.copy()
     return Flight(when, speed, path_angle, alpha, pitch_rate, depth, distance, reason)
 
 
@@ -204,17 +205,17 @@ def _fly(
     ballast: Ballast,
     column: Array,
 ) -> tuple[Array, int, float]:
-    """Return the states at `knots`, shape (k, 7), how the flight ended and when, s; inputs are linear between knots."""
+    """Return the states at `knots`, shape (k, 8), how the flight ended and when, s; inputs are linear between knots."""
     out = np.full((knots.size, STATES), np.nan)
     work = np.empty((7, STATES))
     y = start.copy()
-    rate = np.empty(STATES)
+    rate = np.empty(INPUTS)
     out[0] = y
     for k in range(knots.size - 1):
         span = knots[k + 1] - knots[k]
         steps = max(1, math.ceil(span / longest - 1e-9))
         now = schedule[k].copy()
-        for i in range(STATES):
+        for i in range(INPUTS):
             rate[i] = (schedule[k + 1, i] - schedule[k, i]) / span
         for part in range(steps):
             advance(y, now, rate, span / steps, body, polar, propeller, ballast, column, work)
@@ -238,7 +239,7 @@ def _verdict(y: Array) -> int:
 def _fly_implicitly(
     start: Array, knots: Array, schedule: Array, when: Array, craft: _Craft, column: Array
 ) -> tuple[Array, str]:
-    """Return the states at `when`, shape (n, 7), by Radau's method from corner to corner, and the reason."""
+    """Return the states at `when`, shape (n, 8), by Radau's method from corner to corner, and the reason."""
     from scipy.integrate import solve_ivp
 
     flown = np.full((when.size, STATES), np.nan)
@@ -281,7 +282,7 @@ def _schedule(inputs: Inputs, when: Array, vehicle: Vehicle) -> tuple[Array, Arr
     density = vehicle["reference_density"] if inputs.density is None else inputs.density
     corners = np.asarray(inputs.times)
     knots = np.union1d(when, corners[(corners > when[0]) & (corners < when[-1])])
-    schedule = np.zeros((knots.size, STATES))
+    schedule = np.zeros((knots.size, INPUTS))
     schedule[:, 0] = np.interp(knots, corners, np.asarray(inputs.net_buoyancy) / (GRAVITY * density))
     if inputs.battery_position is not None:
         schedule[:, 1] = np.interp(knots, corners, np.asarray(inputs.battery_position))
@@ -292,7 +293,7 @@ def _schedule(inputs: Inputs, when: Array, vehicle: Vehicle) -> tuple[Array, Arr
 def _ballast(vehicle: Vehicle, inputs: Inputs) -> Ballast:
     weight = 0.0 if inputs.battery_position is None else vehicle["battery_mass"] * GRAVITY
     neutral = vehicle["battery_neutral_position"]
-    return Ballast(vehicle["reference_density"], weight, neutral, 0.0, vehicle["righting_moment"])
+    return Ballast(vehicle["reference_density"], weight, neutral, 0.0, vehicle["righting_moment"], FLUSHING_BEFORE)
 
 
 def _reason(vehicle: Vehicle, inputs: Inputs) -> str:
@@ -307,14 +308,14 @@ def _reason(vehicle: Vehicle, inputs: Inputs) -> str:
 
 
 def _start(state: ArrayLike) -> Array:
-    """Return the first state of `motion`, shape (7,)."""
+    """Return the first state of `motion`, shape (8,)."""
     given = np.asarray(state, dtype=np.float64)
     if given.shape != (4,) or not np.isfinite(given).all() or given[0] <= 0.0:
         raise ValueError(f"state: found {given.tolist()}; expected V > 0, γ, α and q, four finite numbers")
     for name, value, limit in (("γ", given[1], math.pi), ("α", given[2], MAX_ANGLE_OF_ATTACK)):
         if abs(value) > limit:
             raise ValueError(f"state: {name}: found {value:g}; expected at most {limit:.4g} rad; degrees?")
-    return np.concatenate([given, np.zeros(3)])
+    return np.concatenate([given, np.zeros(STATES - 4)])
 
 
 def _increasing(name: str, times: Array) -> None:

@@ -3,6 +3,7 @@
 The coefficients are those that the force model was adjusted to (the ``force`` of estimate.json, by the filter-error
 method); only what the data determine is changed, and the rest stays as it was and says so. Net buoyancy and the time in
 which the hull takes on the temperature of the water belong to the mission, not to the vehicle; they go into comments.
+So does the water that its fairing carries along: in a thermocline a hull that lags behind looks alike.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from pipeline.findings import InputError
 from pipeline.model.steady import trim_at_pitch
 from pipeline.plan import Sea, Stage
 from pipeline.records import seconds
+from pipeline.simulate import run
+from pipeline.vehicle import Coefficient
 
 SEEDS = range(5000, 5600)
 
@@ -100,6 +103,45 @@ def test_water_and_instruments_stay_within_the_stated_ranges_and_fill_them() -> 
         assert least <= min(values) < least + 0.1 * (most - least), name
         assert most - 0.1 * (most - least) < max(values) <= most, name
     assert 0.6 < np.mean([flight.located for flight in flights()]) < 0.8
+
+
+def test_a_fairing_that_the_file_names_is_drawn_flown_and_left_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    stated = vehicle.load("petrel-ii")
+    fairing = {
+        "carried_water": Coefficient(0.35, 0.1, "1", "a test"),
+        "flushing_time": Coefficient(900.0, 300.0, "s", "a test"),
+    }
+    named = replace(stated, coefficients={**stated.coefficients, **fairing})
+    monkeypatch.setattr(fleet, "_load", lambda name: named if name == "petrel-ii" else vehicle.load(name))
+    numbers, normal = {"carried_water": 0.7, "flushing_time": -0.5}, fleet.standard_normal
+    monkeypatch.setattr(fleet, "standard_normal", lambda seed, again=0: {**normal(seed, again), **numbers})
+    flight = next(
+        one
+        for one in map(plan_of, SEEDS)
+        if one.power == "none" and one.plan.vehicle.name == "petrel-ii" and np.ptp(one.plan.water.temperature) > 3.0
+    )
+    drawn = flight.plan.vehicle
+    assert drawn["carried_water"] == pytest.approx(0.35 + 0.07, abs=0.02)  # log-normal
+    assert drawn["flushing_time"] == pytest.approx(900.0 - 150.0, abs=60.0)
+    truth = run(flight.plan, flight.seed, flight.injection).truth
+    sea = Sea.of(flight.plan, truth["depth"].to_numpy())
+    hull = sea.net_buoyancy(flight.plan) + flight.injection.buoyancy_offset
+    carried = truth["net_buoyancy"] - hull - 9.81 * sea.density * truth["buoyancy_volume"]
+    assert np.ptp(carried) > 0.1
+    # the weakest orders that are taken leave as much more as the water carried can weigh
+    bare = replace(flight.plan, vehicle=drawn.with_values({"carried_water": 0.0}, "a test"))
+    taken = [
+        next(force for force in np.arange(0.5, 12.0, 0.05) if fleet._carried_out(plan, weak(force), 0.0, 200.0))
+        for plan in (bare, flight.plan)
+    ]
+    column = Sea.of(flight.plan, np.linspace(0.0, 220.0, 60))
+    assert taken[1] - taken[0] == pytest.approx(np.ptp(column.carried_weight(flight.plan)), abs=0.06)
+    assert taken[1] - taken[0] > 0.1
+
+
+def weak(force: float) -> fleet._Orders:
+    """Return orders of dives and climbs with this net buoyancy, N."""
+    return fleet._Orders(-25.0, 25.0, -force, force, 0.0, "none", 0.0, 0.0, 0)
 
 
 def test_what_has_a_stated_1_sigma_is_drawn_from_the_standard_normal_distribution() -> None:

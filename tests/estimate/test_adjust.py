@@ -20,7 +20,7 @@ from pipeline.estimate.forcing import forcing
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.trajectory import first_guess
-from pipeline.model.forces import CARRIED_STD, FLUSHING_BEFORE, FLUSHING_STD
+from pipeline.model.exchange import CARRIED_STD, FLUSHING_BEFORE, FLUSHING_STD
 from pipeline.simulate import Injection
 from pipeline.vehicle import Coefficient, Vehicle
 

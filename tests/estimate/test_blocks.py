@@ -1,7 +1,9 @@
 """Block means: against truth, hand numbers and every way in which something may be missing."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import gsw
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +15,7 @@ from pipeline.estimate.stage import estimate
 from pipeline.mission import Ballast, Mission
 from pipeline.model.forces import disk_thrust
 from pipeline.records import BLOCKS, ESTIMATES, RECORDS, conform, of_method, timestamps
-from pipeline.vehicle import Vehicle, load
+from pipeline.vehicle import Coefficient, Vehicle, load
 
 VEHICLE = load("petrel-ii")
 HYBRID = load("slocum-thruster")
@@ -180,6 +182,44 @@ def test_what_compression_and_expansion_do_to_net_buoyancy_is_its_slope_in_them(
         step = 0.1 * VEHICLE[name]
         ahead, behind = (block(**{name: VEHICLE[name] + sign * step})["net_buoyancy"] for sign in (1.0, -1.0))
         assert block()[column] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-9)
+
+
+def test_net_buoyancy_has_the_water_carried_and_its_slopes_are_told() -> None:
+    records, estimates = line()
+    salty = records.assign(absolute_salinity=np.linspace(30.0, 34.0, len(records)), conservative_temperature=10.0)
+    mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
+
+    def block(share: float, time: float, stds: tuple[float, float] = (0.0, 0.0)) -> pd.Series:
+        fairing = {
+            "carried_water": Coefficient(share, stds[0], "1", "a test"),
+            "flushing_time": Coefficient(time, stds[1], "s", "a test"),
+        }
+        craft = replace(VEHICLE, coefficients={**VEHICLE.coefficients, **fairing})
+        return averaged(salty, estimates, craft, mission).iloc[0]
+
+    none, here = block(0.0, 200.0), block(0.3, 200.0, (0.05, 40.0))
+    # 4 g/kg in 240 s: 0.0128 kg/m3 more a second; with T = 240 s, a lag of τ holds τ (1 - τ/T (1 - e^{-T/τ})) s of it
+    held = 200.0 * (1.0 - 200.0 / 240.0 * (1.0 - np.exp(-1.2)))
+    rate = (gsw.sigma0(34.0, 10.0) - gsw.sigma0(30.0, 10.0)) / 240.0
+    assert here["buoyancy_by_carried"] == pytest.approx(9.81 * 70.0 / 1025.0 * rate * held, rel=2e-3)
+    assert here["net_buoyancy"] - none["net_buoyancy"] == pytest.approx(0.3 * here["buoyancy_by_carried"], rel=1e-9)
+    slope = (block(0.3, 202.0)["net_buoyancy"] - block(0.3, 198.0)["net_buoyancy"]) / 4.0
+    assert here["buoyancy_by_flushing"] == pytest.approx(slope, rel=1e-2)
+    more = np.hypot(0.05 * here["buoyancy_by_carried"], 40.0 * here["buoyancy_by_flushing"])
+    assert here["net_buoyancy_std"] == pytest.approx(np.hypot(none["net_buoyancy_std"], more), rel=1e-9)
+
+
+def test_without_salinity_or_a_file_that_names_it_nothing_is_carried() -> None:
+    records, estimates = line()
+    mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
+    plain = averaged(records, estimates, VEHICLE, mission)
+    named = averaged(records, estimates, VEHICLE.with_values({"carried_water": 0.3}, "a test"), mission)
+    pd.testing.assert_frame_equal(plain, named)
+    assert plain["buoyancy_by_carried"].tolist() == plain["buoyancy_by_flushing"].tolist() == [0.0]
+    salty = records.assign(absolute_salinity=np.linspace(30.0, 34.0, len(records)), conservative_temperature=10.0)
+    same = averaged(salty, estimates, VEHICLE, mission)
+    assert same["net_buoyancy"].tolist() == plain["net_buoyancy"].tolist()
+    assert same["net_buoyancy_std"].tolist() == plain["net_buoyancy_std"].tolist()
 
 
 def test_mean_heading_is_that_of_the_unit_vectors() -> None:

@@ -16,10 +16,11 @@ from pipeline import vehicle
 from pipeline.estimate import force, reference, smoother
 from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
 from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, linearise
-from pipeline.estimate.forcing import Forcing, lagged, with_carried_water, with_thermal_lag
+from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
-from pipeline.model.forces import FLUSHING_BEFORE, disk_thrust
+from pipeline.model.exchange import FLUSHING_BEFORE, lagged
+from pipeline.model.forces import disk_thrust
 from pipeline.model.steady import trim_at_moment, trim_at_pitch
 from pipeline.vehicle import Polar, Vehicle
 

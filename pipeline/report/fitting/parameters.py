@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.model.forces import GRAVITY, HULL_TIME_BEFORE, HULL_TIME_STD, relative_thrust_std
+from pipeline.model.exchange import HULL_TIME_BEFORE, HULL_TIME_STD, fairing_of
+from pipeline.model.forces import GRAVITY, relative_thrust_std
 from pipeline.model.steady import trim_at_pitch
 from pipeline.report.fitting.points import Array, Points
 from pipeline.vehicle import Vehicle
@@ -63,6 +64,17 @@ CORRECTIONS: dict[str, Correction] = {
         lambda p: p.by_lag,
         100.0,
     ),
+    "carried_water": Correction(
+        "Δφ_c",
+        "1",
+        "water that the fairing carries along, of the hull's volume",
+        "net_buoyancy",
+        lambda p: p.by_carried,
+        0.1,
+    ),
+    "flushing_time": Correction(
+        "Δτ_c", "s", "time in which that water is renewed", "net_buoyancy", lambda p: p.by_flushing, 100.0
+    ),
     "drag_drift": Correction(
         "dK_D0/dt", "kg/m/day", "drag that grows in time, biofouling", "parasite_drag", lambda p: p.days, 0.1
     ),
@@ -84,6 +96,8 @@ COEFFICIENTS = (
     "induced_drag",
     "compressibility",
     "thermal_expansion",
+    "carried_water",
+    "flushing_time",
     "moment_at_zero",
     "moment_slope",
     "righting_moment",
@@ -142,7 +156,14 @@ def prior_stds(vehicle: Vehicle, points: Points, ballast_std: float, pitch_std: 
         1-sigma of the constant part of net buoyancy, N, and of the pitch bias, rad.
     """
     out = {name: vehicle.std(name) for name in COEFFICIENTS if name not in MOMENTS}
-    for name, felt in (("compressibility", points.by_compression), ("thermal_expansion", points.by_expansion)):
+    fairing = fairing_of(vehicle)
+    out |= {"carried_water": fairing.share_std, "flushing_time": fairing.time_std}
+    for name, felt in (
+        ("compressibility", points.by_compression),
+        ("thermal_expansion", points.by_expansion),
+        ("carried_water", fairing.share_std * points.by_carried),
+        ("flushing_time", points.by_flushing),
+    ):
         if not np.any(felt):
             del out[name]
     if np.any(points.by_lag):

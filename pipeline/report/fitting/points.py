@@ -40,9 +40,10 @@ class Points:
         Bounds, s since 1970; middle since the first block of the mission, days.
     powered, propeller_speed, propeller_power
         Whether the propeller turns; rev/s and W that thrust follows from, see `model.case.driven`.
-    net_buoyancy, by_compression, by_expansion, by_lag
-        G, N; its change per compressibility, N Pa, per thermal expansion, N K, and per time constant of the hull's
-        temperature, N/s (0 where unknown).
+    net_buoyancy, by_compression, by_expansion, by_lag, by_carried, by_flushing
+        G, N; its change per compressibility, N Pa, per thermal expansion, N K, per time constant of the hull's
+        temperature, N/s, per share of the hull's volume that a fairing carries, N, and per time in which that water is
+        renewed, N/s (0 where unknown).
     pitch, heading, roll, density, depth, battery_position, battery_position_std
         rad, rad, rad, kg/m³, m, m, m.
     depth_rate, depth_rate_std, sensor_speed, sensor_speed_std
@@ -66,6 +67,8 @@ class Points:
     by_compression: Array
     by_expansion: Array
     by_lag: Array
+    by_carried: Array
+    by_flushing: Array
     pitch: Array
     heading: Array
     roll: Array
@@ -100,6 +103,7 @@ class Points:
             vehicle, powered, column("propeller_speed"), column("propeller_power")
         )
         plain = ("net_buoyancy", "pitch", "heading", "roll", "depth", "battery_position", "battery_position_std")
+        by = ("by_compression", "by_expansion", "by_lag", "by_carried", "by_flushing")
         measured = ("depth_rate", "depth_rate_std", "sensor_speed", "sensor_speed_std")
         return cls(
             block=blocks["block"].to_numpy(dtype=np.int64)[order],
@@ -111,13 +115,11 @@ class Points:
             powered=powered,
             propeller_speed=propeller_speed,
             propeller_power=propeller_power,
-            by_compression=np.nan_to_num(column("buoyancy_by_compression")),
-            by_expansion=np.nan_to_num(column("buoyancy_by_expansion")),
-            by_lag=np.nan_to_num(column("buoyancy_by_lag")),
             density=density_of(blocks, vehicle)[order],
             configuration=configuration,
             configurations=tuple(item.name for item in configurations),
             **{name: column(name) for name in (*plain, *measured)},
+            **{name: np.nan_to_num(column(f"buoyancy_{name}")) for name in by},
         )
 
     @property

@@ -29,6 +29,8 @@ CANDIDATES = (
     "compressibility",
     "thermal_expansion",
     "hull_time",
+    "carried_water",
+    "flushing_time",
     "pitch",
     "drag_drift",
     "lift_slope",
@@ -109,6 +111,8 @@ def experiment(names: Iterable[str], points: Points) -> str:
         wanted.append("deeper dives")
     if "thermal_expansion" in wanted_of:
         wanted.append("dives through a sharper thermocline")
+    if {"carried_water", "flushing_time"} & wanted_of:
+        wanted.append("dives through a sharper pycnocline, with a stay below it")
     if "drag_drift" in wanted_of:
         wanted.append("more dives over more days")
     if "pitch" in wanted_of or not wanted:
