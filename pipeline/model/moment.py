@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.model.balance import ALPHA_LIMIT, HELD_PITCH, largest_speed
-from pipeline.vehicle import Polar
+from pipeline.model.balance import ALPHA_LIMIT, HELD_PITCH, largest_speed_driven
+from pipeline.vehicle import Disk, Polar
 
 
 @njit(cache=True, error_model="numpy")
@@ -22,6 +22,9 @@ def moment_left(
     ratio: float,
     push: float,
     pull: float,
+    disk: Disk,
+    density: float,
+    power: float,
     net_buoyancy: float,
     moment_at_zero: float,
     moment_slope: float,
@@ -33,7 +36,9 @@ def moment_left(
 
     r (K_M0 + K_M α) V² + (m_3 - m_1) V² sin α cos α + M_c cos θ + M_s sin θ, Eqs. (4) and (7).
     """
-    speed, alpha = largest_speed(HELD_PITCH, pitch, polar, ratio, push, pull, net_buoyancy, 1.0)
+    speed, alpha, _, _ = largest_speed_driven(
+        HELD_PITCH, pitch, polar, ratio, push, pull, disk, density, power, 1.0, net_buoyancy, 1.0
+    )
     if not abs(alpha) <= ALPHA_LIMIT:
         return math.nan
     flow = ratio * (moment_at_zero + moment_slope * alpha) + munk_mass * math.sin(alpha) * math.cos(alpha)
@@ -48,6 +53,9 @@ def pitches_at_moment(
     ratio: float,
     push: float,
     pull: float,
+    disk: Disk,
+    density: float,
+    power: float,
     net_buoyancy: float,
     moment_at_zero: float,
     moment_slope: float,
@@ -67,7 +75,7 @@ def pitches_at_moment(
     for step in range(steps + 1):
         high = -limit + 2.0 * limit * step / steps
         high_value = moment_left(
-            high, polar, ratio, push, pull, net_buoyancy,
+            high, polar, ratio, push, pull, disk, density, power, net_buoyancy,
             moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
         )  # fmt: skip
         a, at_a, b, at_b = low, low_value, high, high_value
@@ -77,7 +85,7 @@ def pitches_at_moment(
             for _ in range(45):
                 middle = 0.5 * (inside + outside)
                 value = moment_left(
-                    middle, polar, ratio, push, pull, net_buoyancy,
+                    middle, polar, ratio, push, pull, disk, density, power, net_buoyancy,
                     moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
                 )  # fmt: skip
                 if math.isnan(value):
@@ -94,7 +102,7 @@ def pitches_at_moment(
             for _ in range(60):
                 middle = 0.5 * (a + b)
                 value = moment_left(
-                    middle, polar, ratio, push, pull, net_buoyancy,
+                    middle, polar, ratio, push, pull, disk, density, power, net_buoyancy,
                     moment_at_zero, moment_slope, munk_mass, moment_cos, moment_sin,
                 )  # fmt: skip
                 if math.isnan(value) or middle in (a, b):

@@ -300,10 +300,8 @@ def _state(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> tuple[Steady, NDArr
             first = "the vehicle file gives no battery mass"
         else:
             first = np.where(np.isnan(inputs.battery_position), "no battery position is logged", "")
-            first = np.where(power > 0.0, "dynamics, and so a stable trim, know thrust by propeller speed alone", first)
-        by_speed = np.where(power > 0.0, np.nan, n)
         state = trim_at_moment(
-            vehicle, g, battery_position=inputs.battery_position, propeller_speed=by_speed, density=rho
+            vehicle, g, battery_position=inputs.battery_position, propeller_speed=n, propeller_power=power, density=rho
         )
     reason = np.where(inputs.reason != "", inputs.reason, np.where(np.asarray(first) != "", first, state.reason))
     return state, np.where(np.isnan(state.speed), reason, "")

@@ -18,10 +18,10 @@ from pipeline.model.case import MAX_ANGLE_OF_ATTACK as MAX_ANGLE_OF_ATTACK
 from pipeline.model.case import NO_THRUST_LAW as NO_THRUST_LAW
 from pipeline.model.case import Case, plain, refuse, unusable
 from pipeline.model.dynamics import body_of, jacobian
-from pipeline.model.forces import GRAVITY, disk_of, propeller_of
+from pipeline.model.forces import GRAVITY, disk_of, disk_thrust, propeller_of
 from pipeline.model.moment import pitches_at_moment
 from pipeline.model.sensitivity import sensitivities
-from pipeline.vehicle import Polar, Vehicle
+from pipeline.vehicle import Polar, Propeller, Vehicle
 
 Signs = Literal["physical", "paper"]
 Array = NDArray[np.float64]
@@ -75,7 +75,8 @@ class Trims:
     steady
         The flights, shape (..., 6); NaN beyond the last.
     eigenvalues
-        Eigenvalues of the dynamics (V, γ, α, q) at each, with the propeller speed held, 1/s, shape (..., 6, 4).
+        Eigenvalues of the dynamics (V, γ, α, q) at each, with the propeller's speed or power held, 1/s, shape
+        (..., 6, 4).
     stable
         Whether all four decay, shape (..., 6).
     reason
@@ -182,18 +183,20 @@ def trim_at_moment(
     battery_position: ArrayLike | None = None,
     moment_cos: ArrayLike | None = None,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
 ) -> Steady:
     """Return the stable steady flight nearest to level in which forces and pitching moments balance.
 
     The static moment is M_c cos θ + M_s sin θ with M_c = -m̄ g (r_P1 - r_P0) of the battery and the vehicle's
-    righting moment M_s. Stable means that all four eigenvalues of the dynamics decay. Physical signs.
+    righting moment M_s. Stable means that all four eigenvalues of the dynamics decay: with the propeller's speed held,
+    or its power, where thrust follows its tangent in V. Physical signs.
 
     Parameters
     ----------
     vehicle
         Vehicle with known polar, moments and inertia.
-    net_buoyancy, propeller_speed, density
+    net_buoyancy, propeller_speed, propeller_power, density
         As for `steady_state`.
     battery_position
         r_P1, m, forward positive; or else
@@ -211,6 +214,7 @@ def trim_at_moment(
         battery_position=battery_position,
         moment_cos=moment_cos,
         propeller_speed=propeller_speed,
+        propeller_power=propeller_power,
         density=density,
     )
     steepness = np.where(trims.stable, np.abs(trims.steady.pitch), np.inf)
@@ -232,6 +236,7 @@ def trims_at_moment(
     battery_position: ArrayLike | None = None,
     moment_cos: ArrayLike | None = None,
     propeller_speed: ArrayLike | None = None,
+    propeller_power: ArrayLike | None = None,
     density: ArrayLike | None = None,
 ) -> Trims:
     """Return all steady flights within 80° of level in which forces and moments balance, with their eigenvalues.
@@ -251,10 +256,9 @@ def trims_at_moment(
     if battery_position is not None:
         offset = np.asarray(battery_position, dtype=np.float64) - vehicle["battery_neutral_position"]
         moment_cos = -vehicle["battery_mass"] * GRAVITY * offset
-    case = Case.of(
-        vehicle, net_buoyancy, np.asarray(moment_cos, dtype=np.float64), None, propeller_speed, None, density
-    )
-    body, polar, propeller = body_of(vehicle), plain(vehicle), propeller_of(vehicle)
+    lean = np.asarray(moment_cos, dtype=np.float64)
+    case = Case.of(vehicle, net_buoyancy, lean, None, propeller_speed, propeller_power, density)
+    body, polar, disk = body_of(vehicle), plain(vehicle), disk_of(vehicle)
     moment_sin = vehicle["righting_moment"]
     needed: tuple[str, ...] = (*Polar._fields, *body._fields, "reference_density", "righting_moment")
     if battery_position is not None:
@@ -264,8 +268,9 @@ def trims_at_moment(
     pitch = np.full((case.size, MOST_TRIMS), np.nan)
     for i in np.flatnonzero(reason == ""):
         pitch[i] = pitches_at_moment(
-            MAX_TRIM_PITCH, MOST_TRIMS, polar, case.ratio[i], case.push[i], case.pull[i], case.net_buoyancy[i],
-            body.moment_at_zero, body.moment_slope, body.mass_normal - body.mass_forward, case.held[i], moment_sin,
+            MAX_TRIM_PITCH, MOST_TRIMS, polar, case.ratio[i], case.push[i], case.pull[i], disk, case.density[i],
+            case.propeller_power[i], case.net_buoyancy[i], body.moment_at_zero, body.moment_slope,
+            body.mass_normal - body.mass_forward, case.held[i], moment_sin,
         )  # fmt: skip
     none = np.isnan(pitch).all(axis=1)
     reason[(reason == "") & none] = "no equilibrium: forces and moments balance nowhere within 80 degrees of level"
@@ -277,10 +282,15 @@ def trims_at_moment(
     eigenvalues = np.full((each.size, 4), np.nan, dtype=np.complex128)
     for k in np.flatnonzero(np.isfinite(flat[0])):
         v, gamma, alpha = (values[k] for values in flat)
+        propeller, density_for_thrust, turning = propeller_of(vehicle), each.density[k], each.propeller_speed[k]
+        if each.propeller_power[k] > 0.0:
+            thrust, slope = disk_thrust(disk, each.density[k], each.propeller_power[k], v)
+            propeller = Propeller(each.push[k] + thrust - slope * v, each.pull[k] + slope, 1.0)
+            density_for_thrust, turning = 1.0, 1.0
         eigenvalues[k] = np.linalg.eigvals(
             jacobian(
-                v, gamma, alpha, 0.0, body, polar, propeller, each.ratio[k], each.density[k],
-                each.net_buoyancy[k], each.propeller_speed[k], each.held[k], moment_sin,
+                v, gamma, alpha, 0.0, body, polar, propeller, each.ratio[k], density_for_thrust,
+                each.net_buoyancy[k], turning, each.held[k], moment_sin,
             )
         )  # fmt: skip
     stable = np.isfinite(flat[0]) & (eigenvalues.real.max(axis=1) < 0.0)

@@ -9,8 +9,16 @@ from scipy.optimize import brentq
 
 from pipeline.model.case import NO_THRUST_LAW, driven
 from pipeline.model.forces import power_for, relative_thrust_std, thrust_by_power
+from pipeline.model.modes import equilibrium, modes
 from pipeline.model.predict import predict
-from pipeline.model.steady import steady_state, trim_at_pitch, trim_sensitivities
+from pipeline.model.steady import (
+    Steady,
+    steady_state,
+    trim_at_moment,
+    trim_at_pitch,
+    trim_sensitivities,
+    trims_at_moment,
+)
 from pipeline.records import BLOCKS, conform
 from pipeline.vehicle import Coefficient, Vehicle, load
 
@@ -134,10 +142,95 @@ def test_blocks_under_power_are_predicted_with_the_1_sigma_of_their_thrust_or_sa
     wanted = math.hypot((more - less) / 2e-3 * 0.15, (wide - narrow) / 2e-4 * 0.05)
     assert held["speed_std"] == pytest.approx(wanted, rel=1e-3)
     assert predict(petrel, blocks).iloc[0]["reason"] == NO_THRUST_LAW
-    both = petrel.with_values({"propulsive_efficiency": 0.5}, "a test")
-    assert predict(both, blocks).iloc[1]["reason"] == (
-        "dynamics, and so a stable trim, know thrust by propeller speed alone"
+
+
+@pytest.fixture
+def by_power(petrel: Vehicle) -> Vehicle:
+    """Return Petrel-II with an efficiency and a great propeller, and without a law for its speed."""
+    laws = ("thrust_static", "thrust_slope")
+    bare = {name: item for name, item in petrel.coefficients.items() if name not in laws}
+    bare["propulsive_efficiency"] = Coefficient(0.5, 0.1, "1", "a test")
+    bare["propeller_diameter"] = Coefficient(0.22, 0.02, "m", "a test")
+    return Vehicle("petrel-ii by power", "", bare)
+
+
+@pytest.mark.parametrize(("force", "position", "power"), [(-5.0, 0.02, 3.0), (4.0, -0.02, 8.0), (3.0, -0.001, 30.0)])
+def test_the_trim_in_moment_balance_by_power_is_that_at_its_pitch_and_its_moments_balance(
+    by_power: Vehicle, force: float, position: float, power: float
+) -> None:
+    found = trim_at_moment(by_power, force, battery_position=position, propeller_power=power, density=DENSITY)
+    pitch = float(found.pitch)
+    assert float(found.thrust) == pytest.approx(momentum_thrust(power, float(found.speed)), rel=1e-9)
+    held = trim_at_pitch(by_power, force, pitch, propeller_power=power, density=DENSITY)
+    assert float(held.speed) == pytest.approx(float(found.speed), rel=1e-12)
+    lean = -by_power["battery_mass"] * 9.81 * position * math.cos(pitch)
+    assert lean + by_power["righting_moment"] * math.sin(pitch) == pytest.approx(
+        float(found.required_moment), abs=1e-7 * abs(lean)
     )
+    glide = trim_at_moment(by_power, force, battery_position=position, density=DENSITY)
+    idle = trim_at_moment(by_power, force, battery_position=position, propeller_power=0.0, density=DENSITY)
+    assert float(idle.pitch) == float(glide.pitch)
+    assert abs(pitch - float(glide.pitch)) > 0.005
+
+
+@pytest.mark.parametrize("power", [2.0, 30.0])
+def test_modes_of_a_trim_by_power_are_those_with_the_power_held(by_power: Vehicle, power: float) -> None:
+    trims = trims_at_moment(by_power, 4.0, battery_position=-0.02, propeller_power=power, density=DENSITY)
+    k = int(np.flatnonzero(trims.stable)[0])
+    state = equilibrium(
+        by_power, 4.0, pitch=float(trims.steady.pitch[k]), propeller_power=power, density=DENSITY,
+        moment_sin=by_power["righting_moment"],
+    )  # fmt: skip
+    wanted, found = modes(state).eigenvalues, trims.eigenvalues[k]
+    np.testing.assert_allclose(np.sort(found.real), np.sort(wanted.real), rtol=1e-4)
+    np.testing.assert_allclose(np.sort(abs(found.imag)), np.sort(abs(wanted.imag)), rtol=1e-4, atol=1e-9)
+    constant = modes(
+        equilibrium(
+            by_power, 4.0, pitch=float(trims.steady.pitch[k]), thrust=float(trims.steady.thrust[k]), density=DENSITY,
+            moment_sin=by_power["righting_moment"],
+        )
+    ).eigenvalues  # fmt: skip
+    assert abs(found.real.max() / constant.real.max() - 1.0) > 1e-2  # thrust that falls with V damps
+
+
+def test_a_block_by_power_has_a_battery_trim_with_the_1_sigma_of_power_and_efficiency(by_power: Vehicle) -> None:
+    row = {
+        "block": 0, "powered": True, "used": True, "pitch": 0.4, "pitch_std": 0.0, "net_buoyancy": 4.0,
+        "net_buoyancy_std": 0.0, "propeller_power": 5.0, "propeller_power_std": 0.2, "density": DENSITY,
+        "battery_position": -0.02, "battery_position_std": 0.0,
+    }  # fmt: skip
+    open_ = ("propulsive_efficiency", "propeller_diameter")
+    exact = {
+        name: item if name in open_ else Coefficient(item.value, 0.0, item.unit, item.source)
+        for name, item in by_power.coefficients.items()
+    }
+    known = Vehicle("known", "", exact)
+    found = predict(known, conform(pd.DataFrame([row]), BLOCKS)).iloc[1]
+    assert (found["trim"], found["reason"]) == ("battery", "")
+
+    def flown(power: float = 5.0, **changes: float) -> Steady:
+        return trim_at_moment(
+            known.with_values(changes, "moved"), 4.0, battery_position=-0.02, propeller_power=power, density=DENSITY
+        )
+
+    for name in ("speed", "pitch"):
+        assert found[name] == pytest.approx(float(getattr(flown(), name)), rel=1e-12)
+        parts = [
+            0.2 * (getattr(flown(5.01), name) - getattr(flown(4.99), name)) / 0.02,
+            0.1 * (getattr(flown(propulsive_efficiency=0.501), name)
+                   - getattr(flown(propulsive_efficiency=0.499), name)) / 2e-3,
+            0.02 * (getattr(flown(propeller_diameter=0.2201), name)
+                    - getattr(flown(propeller_diameter=0.2199), name)) / 2e-4,
+        ]  # fmt: skip
+        assert found[f"{name}_std"] == pytest.approx(float(np.linalg.norm(parts)), rel=2e-3)
+
+
+def test_a_battery_trim_by_power_without_a_law_for_it_says_so(petrel: Vehicle) -> None:
+    found = trim_at_moment(petrel, 4.0, battery_position=-0.02, propeller_power=5.0)
+    assert str(found.reason) == NO_THRUST_LAW
+    assert math.isnan(float(found.speed))
+    with pytest.raises(ValueError, match="propeller_power: found -5; expected 0 W or more"):
+        trim_at_moment(petrel, 4.0, battery_position=-0.02, propeller_power=-5.0)
 
 
 def test_both_a_thrust_and_a_power_or_a_negative_one_are_refused() -> None:
