@@ -29,7 +29,7 @@ _STATES = ("speed", "angle_of_attack", "path_angle")
 #: Columns that block means are made of: of the estimates, of the records, and of the records where they are usable.
 _ESTIMATED = ("observable", "pitch", *_STATES, *(f"{name}_std" for name in _STATES))
 _READ = ("depth", "density", "temperature", "pressure", "battery_position")
-_JUDGED = ("pitch", "roll", "heading", "speed_through_water")
+_JUDGED = ("pitch", "roll", "heading", "speed_through_water", "battery_voltage")
 
 #: Values in a block by name, shape (k,) each.
 _Values = Mapping[str, np.ndarray]
@@ -178,10 +178,11 @@ def _sensor(part: _Values) -> dict[str, float]:
 
 
 def _battery(part: _Values) -> dict[str, float]:
+    voltage = {"battery_voltage": _mean(part["battery_voltage"])}
     position = _known(part["battery_position"])
     if not position.size:
-        return {}
-    return {
+        return voltage
+    return voltage | {
         "battery_position": float(position.mean()),
         "battery_position_std": float(position.std() / np.sqrt(position.size)),
     }

@@ -28,6 +28,8 @@ _SYNONYMS: dict[str, str] = {
     "propeller_speed": "propeller_speed propeller prop_speed rpm propeller_rpm prop_rpm motor_rpm thruster_rpm "
     "thruster_speed motor_speed prop rps propeller_rate",
     "propeller_power": "propeller_power prop_power thruster_power motor_power mot_pwr thruster_pwr propulsion_power",
+    "battery_voltage": "battery_voltage batt_voltage bat_voltage battery_volts batt_volts battery_v batt_v vbat vbatt "
+    "voltage m_battery",
     "speed_through_water": "speed_through_water stw water_speed dvl_speed flow_speed adcp_speed "
     "through_water_speed u_dvl",
     "speed_through_water_std": "speed_through_water_std stw_std water_speed_std dvl_speed_std",

@@ -36,6 +36,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "battery_roll": (-2 * math.pi, 2 * math.pi),
     "propeller_speed": (-100.0, 100.0),
     "propeller_power": (-10.0, 2000.0),
+    "battery_voltage": (1.0, 500.0),
     "speed_through_water": (-1.0, 5.0),
     "latitude": (-90.0, 90.0),
     "longitude": (-360.0, 360.0),

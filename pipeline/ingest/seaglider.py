@@ -1,13 +1,15 @@
 """Seagliders: the per-dive files pSSSDDDD.nc of the basestation, each instrument on its own clock.
 
-Three things in these files look like measurements and are none, and are not read as such:
+Four things in these files look like measurements and are none, and are not read as such:
 
 - ``density_insitu``: in files of basestation 3 it is referenced to the surface (1027.45 where 1031.96 kg/m³ is right
   at 1000 m), and ``buoyancy`` and ``speed`` inherit the error; density is computed from S, T and p later;
 - ``ctd_pressure`` of a CTD without a pressure sensor: it is the vehicle's pressure, interpolated to the CTD's
   instants and shifted by the lever arm between the sensors at the pitch of the moment. The vehicle's own ``pressure``
   is the measurement; the other serves salinity and density alone;
-- ``ad2cp_inv_*``: an inverse solution that leans on the flight model.
+- ``ad2cp_inv_*``: an inverse solution that leans on the flight model;
+- ``gc_pitch_volts``, ``gc_roll_volts``, ``gc_vbd_volts``: the supply under the current of a motor that moves, 2 V apart
+  from motor to motor, and 30 where it did not; one number a dive (``log_MINV_24V``) is no series. No battery voltage.
 """
 
 from __future__ import annotations

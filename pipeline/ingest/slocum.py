@@ -1,7 +1,7 @@
 """Slocum gliders: flight and science files of one mission, each on its own clock.
 
 Names, units and signs are those of the glider's ``masterdata``: angles in rad, pressure in bar, conductivity in S/m,
-engine in cc, battery in inches, pitch nose up, roll positive with the port wing up. ``m_heading`` is magnetic;
+engine in cc, battery in inches and V, pitch nose up, roll positive with the port wing up. ``m_heading`` is magnetic;
 ``m_gps_mag_var`` is positive west, magnetic = true + variation. The glider's depth and depth rate are not read.
 """
 
@@ -30,7 +30,7 @@ _SCIENCE = "ent"
 _ENGINES = ("m_ballast_pumped", "m_de_oil_vol")
 _FLIGHT = (
     *("m_pitch", "m_roll", "m_heading", "m_gps_mag_var", "m_pressure", *_ENGINES, "m_battpos", "m_battroll"),
-    *("m_thruster_power", "m_thruster_speed", "m_gps_lat", "m_gps_lon", "m_gps_status"),
+    *("m_thruster_power", "m_thruster_speed", "m_battery", "m_gps_lat", "m_gps_lon", "m_gps_status"),
 )
 _STAMPS = ("sci_ctd41cp_timestamp", "sci_rbrctd_timestamp")
 _WATER = ("sci_water_pressure", "sci_water_temp", "sci_water_cond")
@@ -221,6 +221,7 @@ def _flight(flight: pd.DataFrame, *, with_pressure: bool) -> tuple[pd.DataFrame,
         ("battery_position", "m_battpos", INCH),
         ("battery_roll", "m_battroll", 1.0),
         ("propeller_power", "m_thruster_power", 1.0),
+        ("battery_voltage", "m_battery", 1.0),
     ):
         if sensor in flight:
             out[name] = flight[sensor] * factor

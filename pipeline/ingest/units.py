@@ -52,6 +52,7 @@ _CONDUCTIVITY = Dimension("conductivity", {"s/m": (1.0, 0.0), "ms/cm": (0.1, 0.0
 _VOLUME = Dimension("volume", {"m3": (1.0, 0.0), "l": (1e-3, 0.0), "cm3": (1e-6, 0.0)})
 _ROTATION = Dimension("rotation", {"rev/s": (1.0, 0.0), "rpm": (1.0 / 60.0, 0.0), "rad/s": (0.5 / math.pi, 0.0)})
 _POWER = Dimension("power", {"w": (1.0, 0.0), "kw": (1000.0, 0.0)})
+_VOLTAGE = Dimension("voltage", {"v": (1.0, 0.0), "mv": (1e-3, 0.0)})
 _SPEED = Dimension("speed", {"m/s": (1.0, 0.0), "cm/s": (0.01, 0.0), "km/h": (1 / 3.6, 0.0), "kn": (1852 / 3600, 0.0)})
 #: ``ddmm``: degrees and decimal minutes run together, 5442.5 = 54° 42.5', as NMEA receivers write.
 _POSITION = Dimension("position", {"deg": (1.0, 0.0), "rad": (180.0 / math.pi, 0.0), "ddmm": (1.0, 0.0)})
@@ -73,6 +74,7 @@ QUANTITIES: dict[str, Dimension] = {
     "battery_roll": _ANGLE,
     "propeller_speed": _ROTATION,
     "propeller_power": _POWER,
+    "battery_voltage": _VOLTAGE,
     "speed_through_water": _SPEED,
     "speed_through_water_std": _SPEED,
     "latitude": _POSITION,
@@ -141,6 +143,10 @@ _SPELLINGS = {
     "dps": "deg/s",
     "watt": "w",
     "watts": "w",
+    "volt": "v",
+    "volts": "v",
+    "millivolt": "mv",
+    "millivolts": "mv",
     "m_s": "m/s",
     "ms-1": "m/s",
     "cm_s": "cm/s",
@@ -206,9 +212,9 @@ def by_range(values: Array, name: str) -> str:
     """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
 
     The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per
-    second; temperatures around 300 are kelvin; conductivity
-    above 8 is mS/cm and above 200 µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05
-    litres; battery positions beyond 2 are mm; propeller speeds beyond 60 are rpm; speeds beyond 5 are cm/s; positions
+    second; temperatures around 300 are kelvin; conductivity above 8 is mS/cm and above 200
+    µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05 litres; battery positions beyond 2
+    are mm; propeller speeds beyond 60 are rpm; battery voltages beyond 1000 are mV; speeds beyond 5 are cm/s; positions
     beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together. Else the unit of the records.
     """
     import numpy as np
@@ -234,6 +240,8 @@ def by_range(values: Array, name: str) -> str:
             return "mm" if top > 2 else "m"
         case "propeller_speed":
             return "rpm" if top > 60 else "rev/s"
+        case "battery_voltage":
+            return "mv" if top > 1000 else "v"
         case "speed_through_water" | "speed_through_water_std":
             return "cm/s" if top > 5 else "m/s"
         case "latitude":

@@ -232,6 +232,20 @@ def test_mean_heading_is_that_of_the_unit_vectors() -> None:
     assert block["roll"] == pytest.approx(0.05)
 
 
+def test_the_battery_voltage_of_a_block_is_the_mean_of_its_good_samples_and_is_not_filled_in() -> None:
+    records, estimates = line()
+    place = np.arange(len(records))
+    voltage = np.where(place % 3 == 0, 14.0 - 0.01 * place, np.nan)
+    voltage[60] = 0.0
+    flags = np.where(np.isnan(voltage), 9, np.where(voltage > 0.0, 1, 4)).astype(np.int8)
+    mission = Mission(vehicle="petrel-ii")
+    logged = records.assign(battery_voltage=voltage, battery_voltage_qc=flags)
+    kept = np.setdiff1d(place[place % 3 == 0], [60])
+    block = averaged(logged, estimates, VEHICLE, mission).iloc[0]
+    assert block["battery_voltage"] == pytest.approx(14.0 - 0.01 * kept.mean())
+    assert np.isnan(averaged(records, estimates, VEHICLE, mission).iloc[0]["battery_voltage"])
+
+
 def test_the_power_of_a_block_is_the_constant_one_of_the_same_mean_thrust() -> None:
     records, estimates = line()
     power = np.where(np.arange(len(records)) % 2, 2.0, 8.0)

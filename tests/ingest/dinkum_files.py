@@ -18,6 +18,7 @@ FLIGHT = {
     "m_ballast_pumped": 4,
     "m_battpos": 4,
     "m_thruster_power": 4,
+    "m_battery": 4,
     "m_gps_lat": 8,
     "m_gps_lon": 8,
     "m_gps_status": 1,

@@ -118,6 +118,12 @@ def test_flags_of_the_reader_stay_where_they_are_worse() -> None:
     assert frame["temperature_qc"].tolist() == [1, 1, 3, 4]
 
 
+def test_a_battery_of_no_volts_is_no_measurement() -> None:
+    (frame,), findings = quality.checked([_stream(time=[0.0, 1.0, 2.0], battery_voltage=[14.2, 0.0, 28.6])])
+    assert frame["battery_voltage_qc"].tolist() == [1, 4, 1]
+    assert "found 1 value out of range, first 0 V; expected 1 to 500 V" in str(findings[0])
+
+
 def test_what_was_not_measured_is_missing() -> None:
     glide = _glide(4)
     glide.loc[1, "pitch"] = np.nan

@@ -172,6 +172,13 @@ def test_battery_positions_are_positive_forward_from_either_source(tmp_path):
     np.testing.assert_allclose(battery["battery_position"], [0.0, 0.02, 0.02, -0.02], atol=1e-15)
 
 
+def test_the_supply_under_the_current_of_a_motor_is_no_battery_voltage(tmp_path):
+    volts = {f"gc_{motor}_volts": ("gc_event", np.array([30.0, 14.7])) for motor in ("pitch", "roll", "vbd")}
+    events = {f"gc_{end}_secs": ("gc_event", T0 + np.array([1.0, 21.0])) for end in ("st", "end")}
+    streams = read(write(tmp_path, "p1230001.nc", dive(log_MINV_24V=((), 14.0), **volts, **events))).streams
+    assert not any("battery_voltage" in frame for frame in streams)
+
+
 def test_a_fix_that_two_dives_share_is_kept_once_and_bad_ones_are_not(tmp_path):
     write(tmp_path, "p1230001.nc", dive())
     shared = {

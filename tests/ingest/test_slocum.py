@@ -67,7 +67,8 @@ def test_each_computer_keeps_its_own_clock_and_the_stale_first_record_is_left_ou
 
 def test_units_and_signs_become_the_canonical_ones(tmp_path):
     values = {"m_roll": 0.1, "m_heading": 0.05, "m_gps_mag_var": 0.2, "m_de_oil_vol": 250.0, "m_battpos": 0.5}
-    rows = [flight_row(0), flight_row(4, **values, m_thruster_power=3.5), flight_row(8, m_de_oil_vol=-250.0)]
+    values |= {"m_thruster_power": 3.5, "m_battery": 14.25}
+    rows = [flight_row(0), flight_row(4, **values), flight_row(8, m_de_oil_vol=-250.0)]
     write(tmp_path, "00010000.dbd", dbd(FLIGHT, rows))
     write(tmp_path, "00010000.ebd", dbd(SCIENCE, SCIENCE_ROWS))
     flight, ctd = read(tmp_path).streams
@@ -77,6 +78,7 @@ def test_units_and_signs_become_the_canonical_ones(tmp_path):
     assert first["buoyancy_volume"] == pytest.approx(250e-6)
     assert first["battery_position"] == pytest.approx(0.0127)
     assert first["propeller_power"] == pytest.approx(3.5)
+    assert first["battery_voltage"] == 14.25
     assert "propeller_speed" not in flight
     assert ctd["temperature"].tolist() == [10.0] * 7
     assert ctd["conductivity"].tolist() == [3.5] * 7
@@ -247,7 +249,8 @@ AGAIN = "left out; copy the file again"
         ),
         (
             GOOD.replace(b"state_bytes_per_cycle:    4", b"state_bytes_per_cycle:    9"),
-            f"bad.dbd: found a header with 9 state bytes for 13 sensors; expected four sensors a byte; {AGAIN}",
+            f"bad.dbd: found a header with 9 state bytes for {len(FLIGHT)} sensors; "
+            f"expected four sensors a byte; {AGAIN}",
         ),
         (
             header(FLIGHT) + sensor_list(FLIGHT)[:100],
@@ -467,6 +470,13 @@ def test_the_thruster_burst_at_the_surface_can_be_seen(data):
     power = read(data / "slocum/osu2025").streams[0][["time", "propeller_power"]].dropna()
     assert power["propeller_power"].max() == pytest.approx(3.456, abs=1e-3)
     assert (power["propeller_power"] > 1.0).sum() == 6
+
+
+def test_the_battery_voltage_of_a_slocum_is_that_of_the_flight_computer(data):
+    voltage = read(data / "slocum/osu2025").streams[0]["battery_voltage"].dropna()
+    # dbdreader by itself: m_battery of 01330000, 01330002, 01330005 and 01330013.dbd
+    assert voltage.size == 1954 + 2014 + 2110 + 1988
+    assert (voltage.min(), voltage.max()) == pytest.approx((13.859337, 15.357407), abs=1e-6)
 
 
 def test_a_flight_only_mission_of_2008_takes_the_vehicles_pressure(data, tmp_path):

@@ -60,6 +60,13 @@ def make(tmp_path: Path) -> Callable[..., Mission]:
         ("sci_water_pressure", "pressure", "bar"),
         ("speed_through_water_cm_s", "speed_through_water", "cm_s"),
         ("pressure_qc", "pressure_qc", None),
+        ("battery_voltage [V]", "battery_voltage", "V"),
+        ("Voltage", "battery_voltage", None),
+        ("NAV_VOLTAGE", "battery_voltage", None),
+        ("BatteryVoltage", "battery_voltage", None),
+        ("batt_voltage_mV", "battery_voltage", "mv"),
+        ("m_battery", "battery_voltage", None),
+        ("battery [mm]", None, None),
         ("AD2CP_PRESSURE", None, None),
         ("vel_over_ground_N", None, None),
         ("Pa", None, None),
@@ -101,6 +108,8 @@ def test_headers_people_write_are_understood(header: str, name: str | None, unit
         ("speed_through_water", 35.0, "cm/s", 0.35),
         ("speed_through_water", 1.0, "kn", 0.514444444),
         ("propeller_power", 5.0, "W", 5.0),
+        ("battery_voltage", 28.6, "Volts", 28.6),
+        ("battery_voltage", 14250.0, "mV", 14.25),
         ("latitude", 5442.5, "ddmm", 54.7083333333),
         ("longitude", -12813.450, "nmea", -128.2241666667),
     ],
@@ -136,6 +145,8 @@ def test_an_unknown_unit_names_the_nearest() -> None:
         ("buoyancy_volume", [-2.3e-4, 2.3e-4], "m3"),
         ("propeller_speed", [0.0, 780.0], "rpm"),
         ("propeller_speed", [0.0, 23.3], "rev/s"),
+        ("battery_voltage", [14.2, 28.6], "v"),
+        ("battery_voltage", [14200.0], "mv"),
         ("speed_through_water", [35.0], "cm/s"),
         ("latitude", [5442.5], "ddmm"),
         ("pressure", [500.0], "dbar"),
@@ -246,18 +257,21 @@ def test_an_unknown_time_zone_names_the_nearest(make: Callable[..., Mission], ti
 
 
 def test_guesses_and_ignored_columns_are_listed(make: Callable[..., Mission]) -> None:
-    logs = table.read(make({"a.csv": f"Timestamp,Pitch,Heading (deg),rpm,Voltage\n{START},-25,350,780,14\n"}))
+    logs = table.read(
+        make({"a.csv": f"Timestamp,Pitch,Heading (deg),rpm,Voltage,Altitude\n{START},-25,350,780,14,-1\n"})
+    )
     (stream,) = logs.streams
     assert stream.to_dict("list") == {
         "time": [START],
         "pitch": [pytest.approx(np.radians(-25.0))],
         "heading": [pytest.approx(np.radians(350.0))],
         "propeller_speed": [pytest.approx(13.0)],
+        "battery_voltage": [14.0],
     }
     assert [str(finding) for finding in logs.findings] == [
-        "a.csv: found columns that are not read: Voltage",
+        "a.csv: found columns that are not read: Altitude",
         "a.csv: found guessed from header and range: 'Timestamp' is time, 'Pitch' is pitch in deg, "
-        "'Heading (deg)' is heading in deg, 'rpm' is propeller_speed in rpm",
+        "'Heading (deg)' is heading in deg, 'rpm' is propeller_speed in rpm, 'Voltage' is battery_voltage in v",
     ]
 
 
@@ -462,6 +476,8 @@ def test_seaexplorer_text_is_read_through_a_mapping(data: Path, make: Callable[.
     assert (len(attitude), len(ctd)) == (271, 164)
     assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
     assert attitude["latitude"].iloc[0] == pytest.approx(55.4897, abs=1e-4)
+    assert attitude["battery_voltage"].iloc[0] == 28.6
+    assert attitude["battery_voltage"].between(28.0, 29.0).all()
     assert ctd["pressure"].iloc[0] == pytest.approx(2.4714)
 
 
