@@ -61,6 +61,9 @@ LOGS: dict[str, dict[str, Channel]] = {
         "battery_position": Channel("battery", "mm", 1e3, 0.0, 0.05, 1),
         "propeller_speed": Channel("propeller", "rpm", 60.0, 0.0, 1.0, 0),
     },
+    "battery": {
+        "battery_voltage": Channel("battery_voltage", "V", 1.0, 0.05, 0.02, 2),
+    },
     "gps": {
         "latitude": Channel("latitude", "deg", 1.0, 0.0, 0.0, 6),
         "longitude": Channel("longitude", "deg", 1.0, 0.0, 0.0, 6),
@@ -107,10 +110,12 @@ def observe(plan: Plan, truth: pd.DataFrame, seed: int, pitch_bias: float) -> di
         "pitch_rate": truth["pitch_rate"].to_numpy(),
         "roll": BANKING * np.gradient(heading, time),
         "heading": heading,
+        "battery_voltage": plan.voltage(time - plan.start),
         **{name: truth[name].to_numpy() for name in LOGS["engine"]},
     }
     streams = {}
     carried = {"ctd": plan.ctd_s, "attitude": plan.attitude_s, "engine": plan.engine_s, "gyro": plan.gyro_s}
+    carried["battery"] = plan.engine_s if plan.battery_full else 0.0
     for name, interval in carried.items():
         if not interval:
             continue

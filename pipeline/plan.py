@@ -120,6 +120,8 @@ class Plan:
         Sampling intervals (without a gyro, 0), and the time from surfacing to the first fix, s.
     minimum_block_s
         Shortest steady flight worth comparing, s, for mission.yaml.
+    battery_full, battery_fall
+        Battery voltage at the start, V (0: not logged), and how much it falls, V per hour.
     noise
         Factor on all instrument noise, offsets and gaps; 0 for perfect instruments.
     sample_noise
@@ -167,6 +169,8 @@ class Plan:
     gps_s: float = 10.0
     gps_delay_s: float = 30.0
     minimum_block_s: float = 60.0
+    battery_full: float = 0.0
+    battery_fall: float = 0.0
     noise: float = 1.0
     sample_noise: Mapping[str, float] = field(default_factory=dict)
     lost: float = 0.005
@@ -180,6 +184,10 @@ class Plan:
         """Density, kg/m³, in which the vehicle hangs with the engine at zero: neutral at the nominal depth."""
         sea = Sea.of(self, np.array([self.nominal_depth]))
         return round(float(sea.lift(self.vehicle, mass=0.0, volume=1.0)[0]) / GRAVITY, 2)
+
+    def voltage(self, elapsed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the battery voltage, V, of the shape of `elapsed`, s since the start."""
+        return self.battery_full - self.battery_fall * elapsed / 3600.0
 
     @property
     def volume(self) -> float:

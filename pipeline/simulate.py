@@ -69,6 +69,8 @@ class Injection:
         Added to K_D0, kg/m.
     thrust_scale
         Factor on the thrust.
+    thrust_by_voltage
+        Relative change of thrust per relative change of the battery's voltage since the start.
     buoyancy_offset
         Added to the net buoyancy, N, up positive.
     pitch_bias_deg
@@ -79,6 +81,7 @@ class Injection:
 
     extra_parasite_drag: float = 0.0
     thrust_scale: float = 1.0
+    thrust_by_voltage: float = 0.0
     buoyancy_offset: float = 0.0
     pitch_bias_deg: float = 0.0
     battery_offset: float = 0.0
@@ -101,7 +104,8 @@ class Simulated:
         What happened, every second; columns of `TRUTH`.
     streams
         What each instrument saw, on its own clock: ``time`` [s since 1970-01-01 UTC] and columns named as in
-        `pipeline.records.MEASURED`, in SI and radians; keys ``ctd``, ``attitude``, ``engine``, ``gps``.
+        `pipeline.records.MEASURED`, in SI and radians; keys ``ctd``, ``attitude``, ``engine``, ``gps``; where the plan
+        has them, ``gyro``, ``battery``.
     """
 
     truth: pd.DataFrame
@@ -141,7 +145,7 @@ def run(plan: Plan, seed: int = 0, injection: Injection | None = None) -> Simula
         )
     values, finished = fly(
         _orders(plan),
-        _disturbances(plan, seed),
+        _disturbances(plan, seed, injection),
         body_of(vehicle),
         vehicle.polar,
         propeller_of(vehicle),
@@ -209,18 +213,23 @@ def _orders(plan: Plan) -> NDArray[np.float64]:
     return np.array(rows)
 
 
-def _disturbances(plan: Plan, seed: int) -> NDArray[np.float64]:
-    """Return w_w, current east and north [m/s] and heading wander [rad] second by second, shape (k, 4)."""
+def _disturbances(plan: Plan, seed: int, injection: Injection) -> NDArray[np.float64]:
+    """Return w_w, current east and north [m/s], heading wander [rad], factor on thrust, each second, shape (k, 5)."""
     count = int(plan.longest / TICK) + 2
     white = [
         instruments.generator(seed, plan, name).standard_normal(count) for name in ("w", "east", "north", "wander")
     ]
+    factor = np.ones(count)
+    if plan.battery_full:
+        voltage = plan.voltage(TICK * np.arange(count, dtype=np.float64))
+        factor += injection.thrust_by_voltage * (voltage / plan.battery_full - 1.0)
     return np.column_stack(
         [
             gauss_markov(white[0], plan.vertical_water_std, plan.vertical_water_time),
             plan.current_east + gauss_markov(white[1], plan.current_std, plan.current_time),
             plan.current_north + gauss_markov(white[2], plan.current_std, plan.current_time),
             gauss_markov(white[3], math.radians(plan.heading_wander_deg), HEADING_WANDER_TIME),
+            factor,
         ]
     )
 

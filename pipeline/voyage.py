@@ -3,8 +3,9 @@
 The motion (V, γ, α, q; depth and place; the water in a fairing) is integrated by classical Runge-Kutta steps; the fast
 modes (period 0.9 to 4.5 s, relaxation of α 0.17 to 0.8 s) are stable and resolved at 0.1 s. Orders, autopilot and
 motors act once a second, motors moving linearly between; vertical water velocity, current and heading wander are given
-at the same instants and linear between, so that a shorter step converges to the same motion. Afloat the vehicle drifts
-with the water, trims its nose down and swings to the next heading; it dives once heavy enough.
+at the same instants and linear between, so that a shorter step converges to the same motion; a factor on thrust holds
+for a second. Afloat the vehicle drifts with the water, trims its nose down and swings to the next heading; it dives
+once heavy enough.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def fly(
         Per order: pitch [rad], engine volume [m³], propeller speed [rev/s], heading [rad], end (`AFTER`, …),
         value of the end, afloat (1 or 0); shape (m, 7).
     disturbances
-        Per second: w_w, current east, current north [m/s], heading wander [rad]; shape (k, 4).
+        Per second: w_w, current east, current north [m/s], heading wander [rad], factor on thrust; shape (k, 5).
     body, polar, propeller, rig
         The vehicle.
     column
@@ -178,10 +179,13 @@ def fly(
         if afloat:
             now[4], rate[4] = 0.0, 0.0
 
+        share = disturbances[k, 4]
+        driving = Propeller(share * propeller.thrust_static, share * propeller.thrust_slope, propeller.diameter)
+
         out[k, :7] = y[:7]
         out[k, 7:14] = now
         out[k, 14] = force
-        out[k, 15] = thrust(propeller, density, now[2], y[0])
+        out[k, 15] = thrust(driving, density, now[2], y[0])
         out[k, 16] = 1.0 if afloat else 0.0
         out[k, 17] = stage
 
@@ -194,7 +198,7 @@ def fly(
             now += TICK * rate
         else:
             for _ in range(rig.substeps):
-                advance(y, now, rate, step, body, polar, propeller, ballast, column, work)
+                advance(y, now, rate, step, body, polar, driving, ballast, column, work)
             if not abs(y[1] + y[2]) < math.pi:  # tumbled for want of flow, or not a number
                 return out[: k + 1], False
     return out, False

@@ -457,6 +457,32 @@ def test_thrust_scale_acts_under_power_alone() -> None:
     assert speed_of(weak, plan, 3) / speed_of(clean, plan, 3) == pytest.approx(1.2 / 1.294, abs=0.005)
 
 
+def test_thrust_follows_a_voltage_that_is_logged_only_where_the_plan_has_one(tmp_path: Path) -> None:
+    plan, clean = flown(HYBRID)
+    assert "battery" not in clean.streams
+    hours = len(clean.truth) / 3600.0
+    fading = dataclasses.replace(plan, battery_full=30.0, battery_fall=6.0 / hours)
+    weak = run(fading, injection=Injection(thrust_by_voltage=2.0))
+    truth, log = weak.truth, weak.streams["battery"]
+    elapsed = seconds(truth["time"]) - plan.start
+    np.testing.assert_allclose(
+        log["battery_voltage"], 30.0 - 6.0 / hours * (log["time"] - plan.start) / 3600.0, atol=0.01
+    )
+    density = Sea.of(plan, truth["depth"].to_numpy()).density
+    rotation, speed, car = truth["propeller_speed"], truth["speed"], plan.vehicle
+    nominal = density * 0.08**3 * rotation * (car["thrust_static"] * 0.08 * rotation + car["thrust_slope"] * speed)
+    turning = (rotation > 5.0).to_numpy()
+    expected = 1.0 + 2.0 * (-6.0 / hours * elapsed / 3600.0 / 30.0)
+    np.testing.assert_allclose((truth["thrust"] / nominal)[turning], expected[turning], rtol=1e-4)
+    assert speed_of(weak, plan, 1) == pytest.approx(speed_of(clean, plan, 1), abs=1e-6)
+    assert speed_of(weak, plan, 3) < speed_of(clean, plan, 3) - 0.02
+    held_thrust = run(fading)
+    pd.testing.assert_frame_equal(held_thrust.truth, clean.truth)
+    pd.testing.assert_frame_equal(held_thrust.streams["engine"], clean.streams["engine"])
+    instruments.write(fading, {"battery": log.head(3)}, tmp_path, 0)
+    assert (tmp_path / "battery.csv").read_text().startswith("time,battery_voltage [V]\n")
+
+
 def test_pitch_bias_is_logged_and_misleads_the_autopilot() -> None:
     plan, clean = flown(GLIDING)
     _, biased = flown(GLIDING, Injection(pitch_bias_deg=1.0))
