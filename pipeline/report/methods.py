@@ -112,6 +112,11 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
             f" {names} were fitted to the mean depth rates of {fitted['blocks']} blocks by generalised least squares "
             f"with the covariance of measurement and moving water; collinearity was judged after Belsley et al. (1980)."
         )
+        if any(item["name"] == "thrust_by_voltage" for item in fitted["parameters"]):
+            text += (
+                " b_U is the relative change of thrust per relative change of the battery's voltage about its mean "
+                "under propeller."
+            )
         if "displacements between fixes" in fitted["compared_with"]:
             text += (
                 " Displacements between GPS fixes on several headings were fitted with them, the current being a "

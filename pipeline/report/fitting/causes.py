@@ -2,7 +2,8 @@
 
 A cause is more than what is stated of the vehicle and its instruments: the vehicle file's 1-sigma covers what its
 coefficients may be off by, the size of a cause what comes on top when something is wrong. Niu et al. (2017), Section
-5, doi:10.1007/s13344-017-0061-y, name the battery's trim, drag of sensors, thrust, buoyancy and turning flight.
+5, doi:10.1007/s13344-017-0061-y, name the battery's trim, drag of sensors, thrust, buoyancy and turning flight. Thrust
+that follows the battery's voltage does so with an exponent from 0 to 2 (see `parameters.VOLTAGE_STD`), 1 ± 0.6.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ CAUSES = (
     Cause("battery trim", "Battery trim", "battery_neutral_position", 0.01),
     Cause("sensor drag", "Sensor drag", "parasite_drag", DRAG, relative=True),
     Cause("thrust loss", "Loss of thrust", "thrust_scale", 0.3),
+    Cause("battery voltage", "Thrust that follows the battery's voltage", "thrust_by_voltage", 0.6, expected=1.0),
     Cause("buoyancy error", "An error of buoyancy", "net_buoyancy", 0.5),
     Cause("pitch bias", "A bias of pitch", "pitch", math.radians(1.5)),
     Cause("turning flight", "Turning flight", "turning", 0.3, expected=1.0),

@@ -19,6 +19,8 @@ from pipeline.report.fitting.regression import Problem
 TELLS, BETTER = 16.0, 1.05
 #: 1-sigma of a speed by a sensor, m/s, and how much steeper or flatter, heavier or lighter is flown.
 SENSOR_STD, STEEPER, HEAVIER = 0.01, 1.6, 2.0
+#: Share of its voltage that a battery has left when it is run down.
+RUN_DOWN = 0.9
 #: Beyond this pitch, rad, flatter is flown rather than steeper.
 STEEP = np.radians(32.0)
 
@@ -46,6 +48,8 @@ def experiment(blocks: pd.DataFrame, observe: Observe, known: Prior, pairs: Sequ
     best, most = "", 0.0
     for words, flown, carried in candidates(blocks, sensor):
         problem = observe(flown, carried)
+        if len(problem.model.names) > known.mean.size:
+            continue  # it brings an unknown of its own
         names = sorted({name for pair in pairs for name in pair[:2] if name is not None})
         seen = information(problem, known, [problem.model.names.index(name) for name in names])
         worst = min(
@@ -69,6 +73,8 @@ def candidates(blocks: pd.DataFrame, sensor: bool) -> list[tuple[str, pd.DataFra
     out.append(("the same flown again at another pitch", _steeper))
     if blocks["powered"].any():
         out.append(("the same flown again with the propeller off", _unpowered))
+        if blocks["battery_voltage"].notna().any():
+            out.append(("the same flown again with the battery run down by a tenth of its voltage", _run_down))
     out.append(("the same flown again at twice the buoyancy and another pitch", lambda b: _steeper(_heavier(b))))
     more = [(words, _both(blocks, change(blocks.copy())), sensor) for words, change in out]
     if not sensor:
@@ -93,6 +99,10 @@ def _steeper(blocks: pd.DataFrame) -> pd.DataFrame:
 
 def _unpowered(blocks: pd.DataFrame) -> pd.DataFrame:
     return blocks.assign(propeller_speed=0.0, propeller_power=0.0, powered=False)
+
+
+def _run_down(blocks: pd.DataFrame) -> pd.DataFrame:
+    return blocks.assign(battery_voltage=RUN_DOWN * floats(blocks, "battery_voltage"))
 
 
 def _both(blocks: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:

@@ -173,6 +173,8 @@ def _untestable(cause: Cause, problem: Problem) -> str:
         return f"the vehicle file leaves {unknown[0]} unknown" if unknown else "no battery position is logged"
     if cause.unknown == "thrust_scale":
         return "no steady flight under propeller, or no thrust law"
+    if cause.unknown == "thrust_by_voltage":
+        return "no thrust, or no logged battery voltage that changes under propeller"
     return "no roll is logged"
 
 

@@ -19,7 +19,7 @@ from pipeline.model.forces import GRAVITY
 from pipeline.report.fitting.causes import DRAG, TURNING
 from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.model import Flight, Model
-from pipeline.report.fitting.parameters import MOMENT, WATER, Correction, of_configurations
+from pipeline.report.fitting.parameters import MOMENT, UNSTATED, WATER, Correction, of_configurations
 from pipeline.report.fitting.points import Array, Points
 from pipeline.report.fitting.regression import Problem
 from pipeline.vehicle import KNOWN, Vehicle
@@ -119,6 +119,7 @@ def observe(blocks: pd.DataFrame, vehicle: Vehicle, given: Given) -> Problem:
     points = given.points(blocks, vehicle)
     terms, priors = given.terms(points), given.priors(vehicle, points)
     priors = {name: std for name, std in priors.items() if std > 0.0 or name in ALWAYS} | {WATER: 0.0}
+    priors |= {name: 0.0 for name in UNSTATED if name in priors}
     priors |= dict.fromkeys(of_configurations(points), DRAG * vehicle["parasite_drag"])
     extra: dict[str, Correction] = {}
     if np.nanmax(np.abs(points.roll), initial=0.0) > 0.0:

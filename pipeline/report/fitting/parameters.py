@@ -21,6 +21,13 @@ from pipeline.vehicle import Vehicle
 
 #: What a correction may change beside `tangent.BASICS`.
 WATER, MOMENT = "water", "moment"
+#: 1-sigma of the relative change of thrust per relative change of voltage. It lies between 0, a propeller whose speed
+#: or power is rightly logged, and about 2, one at a fixed share of the voltage of which the nominal speed is logged: a
+#: motor turns about as fast as its voltage, and thrust goes with the square (Healey et al. 1995,
+#: doi:10.1109/48.468252).
+VOLTAGE_STD = 1.0
+#: Least difference of voltage between powered blocks, as a share: below it thrust changes by 2 % at most.
+VOLTAGE_SWING = 0.01
 #: Between the name of a correction and the configuration it holds in.
 AT = "@"
 
@@ -49,6 +56,14 @@ CORRECTIONS: dict[str, Correction] = {
     "lift_slope": Correction("ΔK_L", "kg/m/rad", "lift per angle of attack", "lift_slope", _one, 100.0),
     "induced_drag": Correction("ΔK_D", "kg/m/rad2", "drag per squared angle of attack", "induced_drag", _one, 100.0),
     "thrust_scale": Correction("Δscale_T", "1", "thrust, relative", "thrust", _one, 0.1),
+    "thrust_by_voltage": Correction(
+        "b_U",
+        "1",
+        "thrust per battery voltage, each relative to its mean under propeller",
+        "thrust",
+        lambda p: p.relative_voltage,
+        1.0,
+    ),
     "pitch": Correction("Δθ", "rad", "pitch bias", "pitch", _one, 0.01),
     "compressibility": Correction(
         "Δε", "1/Pa", "compressibility of the hull", "net_buoyancy", lambda p: p.by_compression, 1e-10
@@ -107,6 +122,9 @@ COEFFICIENTS = (
 LIFT = ("lift_slope", "lift_at_zero", "induced_drag")
 #: Corrections that the moment balance alone feels.
 MOMENTS = tuple(name for name, item in CORRECTIONS.items() if item.changes == MOMENT)
+#: Corrections with a prior that are not borrowed where they are not fitted: the log of a propeller is taken at its word
+#: until the data gainsay it. About the mean voltage their effect averages out of all that is constant.
+UNSTATED = ("thrust_by_voltage",)
 #: Names of one and the same: constant net buoyancy.
 BALLAST = ("net_buoyancy", "mass", "volume")
 
@@ -178,11 +196,13 @@ def prior_stds(vehicle: Vehicle, points: Points, ballast_std: float, pitch_std: 
         known = std[np.isfinite(std)]
         if known.size:
             out["thrust_scale"] = float(np.median(known))
+            if np.ptp(driven.relative_voltage) >= VOLTAGE_SWING:
+                out["thrust_by_voltage"] = VOLTAGE_STD
     return out | {"net_buoyancy": ballast_std, "pitch": pitch_std}
 
 
 def borrowed(priors: Mapping[str, float], free: Iterable[str]) -> tuple[str, ...]:
     """Return what is not fitted and not exactly known either: those of `priors` held by their 1-sigma."""
-    chosen = set(free)
+    chosen = {*free, *UNSTATED}
     same = set(BALLAST) if chosen & set(BALLAST) else set()
     return tuple(name for name, std in priors.items() if std > 0.0 and name not in chosen | same)

@@ -40,6 +40,8 @@ class Points:
         Bounds, s since 1970; middle since the first block of the mission, days.
     powered, propeller_speed, propeller_power
         Whether the propeller turns; rev/s and W that thrust follows from, see `model.case.driven`.
+    relative_voltage
+        Battery voltage less its mean of the powered blocks, over that mean (0 where unknown).
     net_buoyancy, by_compression, by_expansion, by_lag, by_carried, by_flushing
         G, N; its change per compressibility, N Pa, per thermal expansion, N K, per time constant of the hull's
         temperature, N/s, per share of the hull's volume that a fairing carries, N, and per time in which that water is
@@ -63,6 +65,7 @@ class Points:
     powered: NDArray[np.bool_]
     propeller_speed: Array
     propeller_power: Array
+    relative_voltage: Array
     net_buoyancy: Array
     by_compression: Array
     by_expansion: Array
@@ -115,6 +118,7 @@ class Points:
             powered=powered,
             propeller_speed=propeller_speed,
             propeller_power=propeller_power,
+            relative_voltage=_relative(column("battery_voltage"), powered),
             density=density_of(blocks, vehicle)[order],
             configuration=configuration,
             configurations=tuple(item.name for item in configurations),
@@ -131,3 +135,9 @@ class Points:
         """Return the blocks `chosen` by a mask or by indices."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "configurations"}
         return replace(self, **{name: array[chosen] for name, array in arrays.items()})
+
+
+def _relative(voltage: Array, powered: NDArray[np.bool_]) -> Array:
+    """Return `voltage` over its mean where `powered`, less one, shape (n,); 0 where it is not known."""
+    known = voltage[powered & np.isfinite(voltage)]
+    return np.nan_to_num(voltage / known.mean() - 1.0) if known.size else np.zeros_like(voltage)

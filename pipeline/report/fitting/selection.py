@@ -26,6 +26,7 @@ EVIDENCE = 6.0
 #: What may be freed beside the first set, in this order where two explain as much.
 CANDIDATES = (
     "thrust_scale",
+    "thrust_by_voltage",
     "compressibility",
     "thermal_expansion",
     "hull_time",
@@ -37,6 +38,8 @@ CANDIDATES = (
     "induced_drag",
     "lift_at_zero",
 )
+#: Voltages all within this share of their mean are nearly one.
+SAME_VOLTAGE = 0.05
 #: Least number of dives, and of days between the first and the last block, for a drift in time.
 DRIFT_DIVES, DRIFT_DAYS = 4, 1.0
 
@@ -103,8 +106,11 @@ def experiment(names: Iterable[str], points: Points) -> str:
     if {"net_buoyancy", "parasite_drag"} <= wanted_of and not (down and up):
         missing = ("climbs", "dives") if down else ("dives", "climbs")
         wanted.append(f"{missing[0]} flown like the {missing[1]}" if down or up else "dives and climbs flown alike")
-    if "thrust_scale" in wanted_of and not propeller:
+    if {"thrust_scale", "thrust_by_voltage"} & wanted_of and not propeller:
         wanted.append("the same pitch with the propeller on and off")
+    voltages = np.abs(points.relative_voltage[points.powered])
+    if "thrust_by_voltage" in wanted_of and np.max(voltages, initial=0.0) < SAME_VOLTAGE:
+        wanted.append("the same propeller setting at a full and at a nearly empty battery, with glides in between")
     if set(LIFT) & wanted_of:
         wanted.append("a speed sensor, or GPS fixes on many headings")
     if "compressibility" in wanted_of:

@@ -24,6 +24,7 @@ def points(vehicle, **options) -> Points:
     table["battery_position"] = np.linspace(-0.01, 0.02, count)
     table["buoyancy_by_compression"] = np.linspace(-5e8, -1e9, count)
     table["buoyancy_by_expansion"] = np.linspace(-2e3, 4e3, count)
+    table["battery_voltage"] = np.linspace(29.0, 24.0, count)
     table["buoyancy_by_lag"] = np.linspace(-1e-3, 2e-3, count)
     table["buoyancy_by_carried"] = np.linspace(2.0, -1.0, count)
     table["buoyancy_by_flushing"] = np.linspace(1e-3, -2e-3, count)
