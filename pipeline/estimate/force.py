@@ -18,7 +18,7 @@ from pipeline.estimate import told
 from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured, pitching
-from pipeline.estimate.noise import left_open
+from pipeline.estimate.noise import fill_left_open
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_rate, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
@@ -103,6 +103,7 @@ def _fill(
     inertia: float,
     density_0: float,
     values: np.ndarray,
+    columns: np.ndarray,
     time: np.ndarray,
     manoeuvre: np.ndarray,
     afloat: np.ndarray,
@@ -117,9 +118,9 @@ def _fill(
     cross: np.ndarray,
     alphas: np.ndarray,
 ) -> None:
-    """Fill F, shift, Q, and α with its slopes (V, θ, then every parameter) along the path."""
+    """Fill F, shift, Q, and α with its slopes (V, θ, then every column of changes of the parameters) along the path."""
     m, _ = decay.shape
-    c = alphas.shape[1] - 3
+    c = columns.shape[1]
     drag_by, lift_by, induced_by = values[1], values[2], values[3]
     polar = Polar(
         polar.lift_at_zero + values[4],
@@ -197,9 +198,13 @@ def _fill(
                 force.by_carried[k] * cos_t,
                 force.by_flushing[k] * cos_t,
             )
-            for i in range(c):
-                alpha_by[i] = a_n * normal[i]
-                rate_by[i] = direct[i] / inertia + rate_a * alpha_by[i]
+            alpha_by[:], rate_by[:] = 0.0, 0.0
+            for i in range(len(normal)):
+                through = a_n * normal[i]
+                straight = direct[i] / inertia + rate_a * through
+                for q in range(c):
+                    alpha_by[q] += through * columns[i, q]
+                    rate_by[q] += straight * columns[i, q]
         alphas[k, 0], alphas[k, 1], alphas[k, 2] = alpha, a_v, a_t
         for i in range(c):
             alphas[k, 3 + i] = alpha_by[i]
@@ -298,9 +303,8 @@ def linearise(
     """
     m, s = series.time.size, settings
     n, p = LOAD + 1, 3
-    mixed = np.diag(craft.std) if columns is None else columns
-    c = len(PARAMETERS) if mixed.shape[1] else 0
-    mixed = mixed[:c]
+    columns = np.diag(craft.std) if columns is None else np.ascontiguousarray(columns)
+    c = columns.shape[1]
     force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
     force = with_carried_water(
         force, series.time, craft.value[CARRIED], FLUSHING_BEFORE * math.exp(craft.value[FLUSHING])
@@ -315,6 +319,7 @@ def linearise(
         craft.inertia,
         craft.density,
         craft.value,
+        columns,
         series.time,
         series.manoeuvre,
         series.afloat,
@@ -332,8 +337,7 @@ def linearise(
     observed, variance = measured(series, s, p, speed=speed)
     observed[:, 1] += craft.value[BIAS]
     observed_by = np.zeros((p, c))
-    if c:
-        observed_by[1, BIAS] = 1.0
+    observed_by[1] = columns[BIAS]
     seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
     seen[:, 0], weight[:, 0] = (DEPTH, PITCH, SPEED), 1.0
     problem = Problem(
@@ -342,20 +346,20 @@ def linearise(
         decay,
         np.array([SPEED, DEPTH]),
         rows,
-        np.concatenate([shift[:, :, :1], shift[:, :, 1:] @ mixed], axis=2),
+        shift,
         noise,
         cross,
         DEPTH,
         seen,
         weight,
         observed,
-        observed_by @ mixed,
+        observed_by,
         variance,
     )
     problem = with_rate(problem, series.time, PITCH, moving.turn, turning, (s.gyro_bias, s.gyro_bias_drift))
     if speed:
         problem = with_scale(problem, series.time, np.maximum(at.speed, LEAST), at.scale, s.speed_scale, (2,))
-    return problem, np.concatenate([alphas[:, :3], alphas[:, 3:] @ mixed], axis=1)
+    return problem, alphas
 
 
 def path(series: Series, speed: np.ndarray, pitch: np.ndarray, scale: float = 0.0) -> Path:
@@ -413,10 +417,8 @@ def solve(
         if still(series, at.speed, before):
             break
     problem, alphas = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=adjusted.columns)
-    solution = solver(problem)
-    unknown = left_open(adjusted.noise, solution.mean[:, :, 0], lambda moved: mean_at(moved, at))
-    solution = solution._replace(mean=np.concatenate([solution.mean, unknown], axis=2))
-    alphas = np.pad(alphas, ((0, 0), (0, unknown.shape[2])))
+    solution = solver(problem, room=len(adjusted.noise.moved))
+    fill_left_open(adjusted.noise, solution.mean, lambda moved: mean_at(moved, at))
     scale = None
     if scaled:
         held = told.nothing(solution.mean.shape[2] - 1)
@@ -464,7 +466,9 @@ def _describe(
         for i in range(6):
             std[i, k] = max(std[i, k], 0.0)
         for q in range(1, x.shape[1]):
-            change = by_v * x[SPEED, q] + by_t * x[PITCH, q] + alphas[k, 2 + q]
+            change = by_v * x[SPEED, q] + by_t * x[PITCH, q]
+            if 2 + q < alphas.shape[1]:
+                change += alphas[k, 2 + q]
             std[0, k] += x[SPEED, q] ** 2
             std[1, k] += x[PITCH, q] ** 2
             std[2, k] += change**2

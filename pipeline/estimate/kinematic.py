@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
-from pipeline.estimate.noise import SEARCHED, Each, left_open, levelled, likeliest, moved, noise_from, rounded
+from pipeline.estimate.noise import SEARCHED, Each, fill_left_open, levelled, likeliest, moved, noise_from, rounded
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
@@ -108,10 +108,10 @@ def prepare(
 
 def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
-    polar, settings, sources = model.polar, model.noise.settings, model.sources
+    polar, settings, sources, room = model.polar, model.noise.settings, model.sources, len(model.noise.moved)
     at = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, ITERATIONS)
     problem = linearise(series, polar, settings, at, sources, model.considered)
-    solution = model.solve(problem)
+    solution = model.solve(problem, room=room)
     outlying = _outlying(series, settings, solution)
     if outlying.any():
         series = replace(
@@ -121,16 +121,15 @@ def solve(series: Series, model: Model) -> Part:
         )
         at = iterate(series, polar, settings, at, sources, model.solve, ITERATIONS)
         problem = linearise(series, polar, settings, at, sources, model.considered)
-        solution = model.solve(problem)
+        solution = model.solve(problem, room=room)
     steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
     known = told(problem, steady) if sources.speed else nothing(len(model.names))
-    unknown = left_open(
+    fill_left_open(
         model.noise,
-        solution.mean[:, :, 0],
+        solution.mean,
         lambda moved: model.solve(linearise(series, polar, moved, at, sources), whole=False).mean[:, :, 0],
     )
-    solution = solution._replace(mean=np.concatenate([solution.mean, unknown], axis=2))
-    known = known.beside(unknown.shape[2])
+    known = known.beside(room)
     currents = known.moved(solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2]).T
     return Part(
         flight(series, polar, solution, model.considered, known),

@@ -223,25 +223,20 @@ def moved(settings: Settings, names: Sequence[str], covariance: np.ndarray) -> t
     return sigma, tau
 
 
-def left_open(noise: Noise, mean: np.ndarray, solve: Callable[[Settings], np.ndarray]) -> np.ndarray:
-    """Return how the smoothed states change when the noise levels are moved along what is open of them.
+def fill_left_open(noise: Noise, mean: np.ndarray, solve: Callable[[Settings], np.ndarray]) -> None:
+    """Fill the last columns of `mean` with its changes when noise levels are moved along what is open of them.
 
     Parameters
     ----------
     noise
         With k axes.
     mean
-        Smoothed states at ``noise.settings``, shape (m, n).
+        Smoothed states at ``noise.settings``, and room behind, shape (m, n, 1 + c + k).
     solve
         Gives the smoothed states, shape (m, n), at other settings.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, n, k).
     """
-    changes = [solve(settings) - mean for settings in noise.moved]
-    return np.stack(changes, axis=2) if changes else np.empty((*mean.shape, 0))
+    for column, settings in enumerate(noise.moved, mean.shape[2] - len(noise.moved)):
+        np.subtract(solve(settings), mean[:, :, 0], out=mean[:, :, column])
 
 
 def _unsettled(time: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:

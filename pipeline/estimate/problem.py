@@ -47,7 +47,9 @@ class Problem(NamedTuple):
 class Solution(NamedTuple):
     """What filter and smoother return."""
 
-    mean: np.ndarray  # (m, n, 1 + c): smoothed; then its change with each considered parameter
+    mean: (
+        np.ndarray
+    )  # (m, n, 1 + c): smoothed; then its change with each considered parameter, and what was left room for
     covariance: np.ndarray  # (m, n, n): smoothed, considered parameters held; (0, n, n) unless asked for
     innovation: np.ndarray  # (m, p), NaN where nothing was observed
     innovation_variance: np.ndarray  # (m, p)

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.estimate.problem import Problem, Solution, design, process, transition
 
 
-def solve(problem: Problem, *, whole: bool = True) -> Solution:
+def solve(problem: Problem, *, whole: bool = True, room: int = 0) -> Solution:
     """Return what `pipeline.estimate.smoother.solve` returns, computed by ``filterpy.kalman.KalmanFilter``.
 
     Parameters
@@ -23,6 +23,8 @@ def solve(problem: Problem, *, whole: bool = True) -> Solution:
         The state-space problem; m instants, n states, p kinds of measurement.
     whole
         Whether covariances are wanted; without them it is no faster.
+    room
+        So many more columns of the mean are zero, for the caller to fill.
 
     Returns
     -------
@@ -32,6 +34,7 @@ def solve(problem: Problem, *, whole: bool = True) -> Solution:
     columns = [_solve(problem, q) for q in range(1 + problem.observed_by.shape[1])]
     mean = np.stack([column.mean[:, :, 0] for column in columns], axis=-1)
     mean[:, :, 1:] -= mean[:, :, :1]
+    mean = np.pad(mean, ((0, 0), (0, 0), (0, room)))
     return columns[0]._replace(mean=mean, covariance=columns[0].covariance if whole else columns[0].covariance[:0])
 
 

@@ -297,7 +297,7 @@ def _by_squares(size: Extent, links: Extent, problem: Problem, means: np.ndarray
     """
     n = len(size)
     coupled, d = problem.coupled, problem.driven
-    columns = means.shape[2]
+    columns = 1 + problem.observed_by.shape[1]
     x, moved, kept = np.empty((n, columns)), np.empty(len(links)), np.empty(n)
     room = np.zeros((7, n, n))
     P, C, F, FP, G, work, out = room[0], room[1], room[2], room[3], room[4], room[5], room[6]
@@ -347,7 +347,7 @@ def _by_squares(size: Extent, links: Extent, problem: Problem, means: np.ndarray
                 here[j, i] = here[i, j]
 
 
-def solve(problem: Problem, *, whole: bool = True) -> Solution:
+def solve(problem: Problem, *, whole: bool = True, room: int = 0) -> Solution:
     """Return the smoothed mean and covariance of every state, and the innovations of the filter.
 
     Parameters
@@ -356,6 +356,8 @@ def solve(problem: Problem, *, whole: bool = True) -> Solution:
         The state-space problem; m instants, n states, p kinds of measurement, c considered parameters.
     whole
         Whether covariances are wanted; without them it takes about a third of the time.
+    room
+        So many more columns of the mean are left, for the caller to fill.
 
     Returns
     -------
@@ -364,7 +366,7 @@ def solve(problem: Problem, *, whole: bool = True) -> Solution:
     """
     (m, p), n, c = problem.observed.shape, problem.mean_0.size, problem.observed_by.shape[1]
     size, links = sizes(problem)
-    means, covariances = np.empty((m, n, 1 + c)), np.empty((m, n, n)) if whole else DEEP.reshape(0, n, n)
+    means, covariances = np.empty((m, n, 1 + c + room)), np.empty((m, n, n)) if whole else DEEP.reshape(0, n, n)
     gains = np.empty((int(np.isfinite(problem.observed).sum()), n))
     innovations, variances = np.empty((m, p, 1 + c)), np.empty((m, p))
     log_likelihood = run(size, links, problem, means, covariances, gains, innovations, variances)

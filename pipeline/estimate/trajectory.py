@@ -41,8 +41,8 @@ STILL, STILL_MANOEUVRE = 1e-3, 5e-3
 class Solve(Protocol):
     """An engine that solves linear problems."""
 
-    def __call__(self, problem: Problem, *, whole: bool = True) -> Solution:
-        """Return the solution of `problem`; without its covariances unless `whole`."""
+    def __call__(self, problem: Problem, *, whole: bool = True, room: int = 0) -> Solution:
+        """Return the solution of `problem`; without its covariances unless `whole`, with `room` for more columns."""
 
 
 #: Thrust makes a vehicle faster and its α less than in a glide at the same pitch: beyond this share of a glide's α, and

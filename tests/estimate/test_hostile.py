@@ -49,8 +49,8 @@ def survives(
     solved: list[Solution] = []
     solve = smoother.solve
 
-    def watched(problem: Problem, *, whole: bool = True) -> Solution:
-        solution = solve(problem, whole=whole)
+    def watched(problem: Problem, *, whole: bool = True, room: int = 0) -> Solution:
+        solution = solve(problem, whole=whole, room=room)
         if whole:
             solved.append(solution)
         return solution

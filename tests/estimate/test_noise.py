@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
 from pipeline.estimate.linearise import Sources, linearise
-from pipeline.estimate.noise import covariance, left_open, levelled, moved
+from pipeline.estimate.noise import covariance, fill_left_open, levelled, moved
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
@@ -47,14 +47,16 @@ def test_the_moves_account_for_all_of_the_covariance_of_sigma_and_tau() -> None:
 def test_a_linear_estimate_changes_by_its_slope_times_the_move() -> None:
     usual = Settings()
     noise = Noise(usual, (usual._replace(sigma_w=0.03), usual._replace(tau_w=400.0)))
-    found = left_open(
-        noise, np.zeros((2, 1)), lambda s: np.array([[s.sigma_w - usual.sigma_w], [s.tau_w - usual.tau_w]])
-    )
-    np.testing.assert_allclose(found[:, 0, :], [[0.02, 0.0], [0.0, 100.0]])
+    mean = np.full((2, 1, 4), 7.0)
+    fill_left_open(noise, mean, lambda s: 7.0 + np.array([[s.sigma_w - usual.sigma_w], [s.tau_w - usual.tau_w]]))
+    np.testing.assert_allclose(mean[:, 0, 2:], [[0.02, 0.0], [0.0, 100.0]])
+    assert (mean[:, :, :2] == 7.0).all()
 
 
-def test_where_nothing_is_open_there_is_no_column() -> None:
-    assert left_open(Noise(Settings()), np.zeros((5, 3)), lambda s: np.zeros((5, 3))).shape == (5, 3, 0)
+def test_where_nothing_is_open_nothing_is_filled() -> None:
+    mean = np.full((5, 3, 2), 7.0)
+    fill_left_open(Noise(Settings()), mean, lambda s: np.zeros((5, 3)))
+    assert (mean == 7.0).all()
 
 
 def test_what_is_not_known_of_the_water_widens_the_intervals_of_speed_and_water() -> None:
