@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pipeline.report.propulsion import strength
-from pipeline.report.rounding import amount
+from pipeline.report.rounding import amount, in_words
 
 #: |E|/u_val beyond which a difference is called significant.
 SIGNIFICANT = 2.0
@@ -110,9 +110,7 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
         return f"No correction is fitted: {fitted['reason']}."
     words = []
     for item in fitted["parameters"]:
-        share = f" ({amount(item['percent'], item['percent_std'])} %)" if math.isfinite(item["percent"]) else ""
-        value = f"{item['symbol']} = {amount(item['value'], item['std'])} {item['unit']}{share}"
-        words.append(f"{value.replace('-', '−')}, {item['verdict']}")
+        words.append(f"{in_words(item)}, {item['verdict']}")
     sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
     strained = [item for item in fitted["borrowed"] if item["verdict"] == "contradicts its prior"]
     if strained:

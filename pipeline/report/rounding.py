@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 #: Beyond so many decimals a power of ten is written.
 MOST_DECIMALS = 6
@@ -33,6 +34,27 @@ def amount(value: float, std: float, *, sign: bool = True) -> str:
         return f"({amount(value / 10.0**power, std / 10.0**power, sign=sign)})·10{str(power).translate(RAISED)}"
     value = round(value, digits) or 0.0
     return f"{value:{'+' if sign and value else ''}.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+
+
+def in_words(item: Mapping[str, Any]) -> str:
+    """Return a correction in words: symbol, value ± 1-sigma, unit unless it is 1, and share of the vehicle's own value.
+
+    Parameters
+    ----------
+    item
+        ``symbol``, ``value``, ``std``, ``unit``, ``percent`` and ``percent_std`` (NaN where it is no share).
+
+    Examples
+    --------
+    >>> nothing = {"percent": math.nan, "percent_std": math.nan}
+    >>> in_words({"symbol": "ΔG", "value": 0.21, "std": 0.03, "unit": "N"} | nothing)
+    'ΔG = +0.210 ± 0.030 N'
+    >>> in_words({"symbol": "b_U", "value": 2.0, "std": 0.1, "unit": "1"} | nothing)
+    'b_U = +2.00 ± 0.10'
+    """
+    unit = "" if item["unit"] == "1" else f" {item['unit']}"
+    share = f" ({amount(item['percent'], item['percent_std'])} %)" if math.isfinite(item["percent"]) else ""
+    return f"{item['symbol']} = {amount(item['value'], item['std'])}{unit}{share}"
 
 
 def signed(value: float, digits: int = 1) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pipeline.report.fitting.causes import Cause
 from pipeline.report.fitting.evidence import Posterior, Prior
 from pipeline.report.fitting.experiment import Pair
-from pipeline.report.rounding import amount
+from pipeline.report.rounding import in_words
 
 NOTHING = "nothing"
 #: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
@@ -66,7 +65,7 @@ def sentence(judged: Judged, what: str) -> str:
         return f"{names} cannot be told apart from these data; {what}."
     one = judged.apart[0]
     row = next(row for row in judged.rows if row["name"] == one.cause.name)
-    return f"{one.cause.words} explains the difference: {_amount(row['parameters'][0])}."
+    return f"{one.cause.words} explains the difference: {in_words(row['parameters'][0])}."
 
 
 def _nothing(judged: Judged, what: str) -> str:
@@ -74,7 +73,7 @@ def _nothing(judged: Judged, what: str) -> str:
     moved = next(row["parameters"] for row in judged.rows if row["name"] == NOTHING)
     words = "Nothing needs explaining: what is stated of the vehicle and its instruments covers the difference"
     if moved:
-        words += f"; {_amount(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
+        words += f"; {in_words(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
     words += "."
     if judged.hinted:
         names = _listed([one.cause.words for one in judged.hinted], "or")
@@ -86,11 +85,6 @@ def _nothing(judged: Judged, what: str) -> str:
         names = _listed([one.cause.words for one in judged.unseen], "or")
         words += f" {names} of ordinary size would not be seen in these data; {what}."
     return words
-
-
-def _amount(item: Mapping[str, Any]) -> str:
-    share = f" ({amount(item['percent'], item['percent_std'])} %)" if math.isfinite(item["percent"]) else ""
-    return f"{item['symbol']} = {amount(item['value'], item['std'])} {item['unit']}{share}"
 
 
 def _lower(words: str) -> str:

@@ -24,6 +24,7 @@ from pipeline.report.fitting.hypotheses import rank
 from pipeline.report.fitting.points import Points
 from pipeline.report.fitting.sea import sea
 from pipeline.report.fitting.selection import experiment
+from pipeline.report.rounding import uncertainty
 from pipeline.simulate import Injection, run
 from pipeline.trials import trial
 from pipeline.vehicle import Coefficient, Vehicle
@@ -152,6 +153,7 @@ def test_it_is_named_as_the_cause_and_not_a_loss_of_thrust(sure):
     result = rank(flown(1.6), sure, Given(CALM, ballast_std=0.05, pitch_std=math.radians(0.1)))
     assert result["named"] == ["battery voltage"], result["verdict"]
     assert result["verdict"].startswith("Thrust that follows the battery's voltage explains the difference: b_U = ")
+    assert result["verdict"].endswith(f" ± {uncertainty(result['rows'][0]['parameters'][0]['std'])}.")
     (item,) = result["rows"][0]["parameters"]
     assert abs(item["value"] - 1.6) < 3.0 * item["std"]
 
