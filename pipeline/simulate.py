@@ -52,6 +52,8 @@ TRUTH = (
 
 #: Depth, m, at which a climb has reached the surface.
 SURFACE = 0.5
+#: Depth, m, from which an order to float takes a vehicle to the surface in no time.
+AT_SURFACE = 5.0
 #: How far the table of the water column reaches below the deepest order, m.
 MARGIN = 120.0
 HEADING_WANDER_TIME = 60.0
@@ -160,6 +162,16 @@ def run(plan: Plan, seed: int = 0, injection: Injection | None = None) -> Simula
             found=f"not done after {len(values) * TICK:.0f} s, at {values[-1, 4]:.0f} m",
             expected=f"{stage.end} {stage.value:g}",
             remedy="change the order's net buoyancy or pitch, or let the mission last longer",
+        )
+    surfaced = np.flatnonzero((values[1:, 16] > 0.5) & (values[:-1, 16] < 0.5) & (values[:-1, 4] > AT_SURFACE)) + 1
+    if surfaced.size:
+        first = values[surfaced[0]]
+        raise InputError(
+            plan.name,
+            f"order {int(first[17]) + 1} of {len(plan.stages)}",
+            found=f"afloat at {values[surfaced[0] - 1, 4]:.0f} m",
+            expected="an order to float at the surface",
+            remedy="end the order before it at the surface",
         )
     truth = _truth(plan, values)
     return Simulated(truth, instruments.observe(plan, truth, seed, math.radians(injection.pitch_bias_deg)))

@@ -545,3 +545,14 @@ def test_a_vehicle_without_moments_cannot_be_simulated() -> None:
     poor = plan.vehicle.with_values({"moment_slope": math.nan}, "unknown")
     with pytest.raises(InputError, match=r"petrel-ii\.yaml: moment_slope: found no value; expected a number"):
         run(dataclasses.replace(plan, vehicle=poor))
+
+
+def test_floating_is_not_ordered_under_water() -> None:
+    plan = trial(GLIDING)
+    stages = (plan.stages[0], dataclasses.replace(plan.stages[1], value=40.0), plan.stages[-1])
+    with pytest.raises(InputError) as error:
+        run(dataclasses.replace(plan, stages=stages))
+    assert str(error.value) == (
+        "petrel2-scs-2014: order 3 of 3: found afloat at 40 m; expected an order to float at the surface; "
+        "end the order before it at the surface"
+    )

@@ -172,8 +172,9 @@ def stream(
 def cuts(records: pd.DataFrame, size: int | None = None) -> list[tuple[int, int]]:
     """Return where a mission is cut into parts of about `size` records, no block being cut in two.
 
-    At the surface if it is met within half of `size` from there, else outside blocks or between two; beyond that only
-    where a block is longer than that.
+    They are equally long and even in number as far as that goes, so that two threads end together. A cut is at the
+    surface if it is met within half a part from there, else outside blocks or between two; beyond that only where a
+    block is longer than that.
 
     Parameters
     ----------
@@ -188,9 +189,11 @@ def cuts(records: pd.DataFrame, size: int | None = None) -> list[tuple[int, int]
     apart[1:] |= block[1:] != block[:-1]
     surfaced = apart & (records["phase"].to_numpy() == Phase.SURFACING)
     m, bounds = len(records), [0]
-    while m - bounds[-1] > 1.5 * size:
-        aim = bounds[-1] + size
-        first, last = aim - size // 2, aim + size // 2
+    even = m / (2 * round(m / (2 * size))) if m > 1.5 * size else m
+    while (left := m - bounds[-1]) > 1.5 * even:
+        length = round(left / round(left / even))
+        aim = bounds[-1] + length
+        first, last = aim - length // 2, aim + length // 2
         near = first + np.flatnonzero(surfaced[first:last])
         if not near.size:
             near = first + np.flatnonzero(apart[first:last])

@@ -33,7 +33,7 @@ def flags(surfaced: list[int], block: list[int]) -> pd.DataFrame:
 
 
 def test_a_cut_is_made_at_the_surface_if_it_is_near() -> None:
-    assert cuts(flags([90, 130], [-1] * 240), 100) == [(0, 90), (90, 240)]
+    assert cuts(flags([90, 160], [-1] * 240), 100) == [(0, 90), (90, 240)]
 
 
 def test_a_cut_far_from_the_surface_is_made_between_blocks() -> None:
@@ -44,6 +44,14 @@ def test_a_cut_far_from_the_surface_is_made_between_blocks() -> None:
 def test_a_block_longer_than_a_part_stays_whole() -> None:
     assert cuts(flags([], [0] * 250 + [1] * 50), 100) == [(0, 250), (250, 300)]
     assert cuts(flags([], [0] * 300), 100) == [(0, 300)]
+
+
+def test_parts_are_alike_and_even_in_number() -> None:
+    lengths = [last - first for first, last in cuts(flags([], [-1] * 700), 100)]
+    assert len(lengths) == 8
+    assert set(lengths) <= {87, 88}
+    assert len(cuts(flags([], [-1] * 500), 100)) == 4
+    assert cuts(flags([], [-1] * 150), 100) == [(0, 150)]
 
 
 @given(
