@@ -2,7 +2,8 @@
 
 Usage: ``python benchmarks/report.py [--profiles N] [--keep FOLDER]``. Simulates N profiles to 975 m (219 unless told;
 one more, up again, after the last dive), CTD and attitude once a second on clocks of their own, into a temporary
-folder, or into FOLDER, where it is found again the next time; then takes them through ``seatrial run --force`` as a user would. Kernels are compiled before, on a
+folder, or into FOLDER, where it is found again the next time; then takes them through ``seatrial run --force`` as a
+user would. Kernels are compiled before, on a
 mission of minutes, and so are all modules, as an installer leaves them: the run keeps bytecode of its own, whatever the
 environment says. What a stage took is told by the times of its files. Needs a machine with two cores to spare.
 """

@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from pipeline import mission as missions
@@ -38,6 +40,8 @@ UNREAD: dict[str, set[str]] = {
 }
 
 ERROR_LOG = "error.log"
+#: What takes longest to be loaded, in the order in which it is needed: loaded while compiled code reads the logs.
+SLOWLY_LOADED = ("scipy.signal", "pipeline.estimate.stage")
 
 
 def stage_key(job: Job, stage: str) -> dict[str, Any]:
@@ -88,8 +92,8 @@ def _before_report(job: Job) -> dict[str, Any]:
     return {stage: entry for stage, entry in provenance.read(job.results).items() if stage != "report"}
 
 
-def perform(job: Job, stage: str, described: Mapping[str, Any]) -> None:
-    """Run one stage of one mission and record where its results came from.
+def perform(job: Job, stage: str, described: Mapping[str, Any]) -> dict[store.FileState, str]:
+    """Run one stage of one mission and record where its results came from; return their digests, see `store.trust`.
 
     Raises
     ------
@@ -101,6 +105,7 @@ def perform(job: Job, stage: str, described: Mapping[str, Any]) -> None:
         written = {name: job.path(name) for name in OUTPUTS[stage] if job.path(name).is_file()}
         provenance.record(job.results, stage, described, provenance.digests(written))
         (job.results / ERROR_LOG).unlink(missing_ok=True)
+        return store.digested(written.values())
 
 
 @contextmanager
@@ -122,6 +127,7 @@ def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.ingest import ingest
     from pipeline.records import RECORDS, STORED
 
+    Thread(target=lambda: [import_module(name) for name in SLOWLY_LOADED]).start()
     result = ingest(mission)
     store.write_table(job.path("records.parquet"), result.records, RECORDS, {"mission": job.name})
     if result.stored is None:
@@ -279,7 +285,7 @@ def run(
     outcomes: dict[str, Outcome] = {}
     waiting = deque(_Course(job) for job in jobs)
     orphans: deque[_Course] = deque()
-    running: dict[Future[None], _Course] = {}
+    running: dict[Future[dict[store.FileState, str]], _Course] = {}
 
     def end(course: _Course, error: str = "") -> None:
         if error:
@@ -304,9 +310,9 @@ def run(
             course.ahead.popleft()
         return end(course)
 
-    def finish(future: Future[None], course: _Course) -> None:
+    def finish(future: Future[dict[store.FileState, str]], course: _Course) -> None:
         try:
-            future.result()
+            store.trust(future.result())
         except InputError as error:
             end(course, str(error))
         except BrokenExecutor:

@@ -10,13 +10,12 @@ that a run that finds nothing to do ends at once.
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import json
 import math
 import os
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -29,6 +28,10 @@ if TYPE_CHECKING:
 PART = ".part"
 #: Rows that are compressed together, so that a part of a table can be read without the rest.
 GROUP = 20_000
+
+#: A file as it was when it was read: its path, and what changes with it.
+FileState = tuple[Path, int, int, int, int]
+_DIGESTS: dict[FileState, str] = {}
 
 
 @contextmanager
@@ -250,14 +253,26 @@ def read_metadata(path: Path) -> dict[str, str]:
 
 def digest(path: Path) -> str:
     """Return the BLAKE2b digest of the file `path`, 32 hexadecimal digits; a file that has not changed is read once."""
-    state = path.stat()
-    return _digest(path.absolute(), state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+    state = _state(path)
+    if state not in _DIGESTS:
+        with path.open("rb") as file:
+            _DIGESTS[state] = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+    return _DIGESTS[state]
 
 
-@functools.cache
-def _digest(path: Path, *_state: int) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+def digested(paths: Iterable[Path]) -> dict[FileState, str]:
+    """Return the digests of `paths` with the states in which the files were read, for `trust` in another process."""
+    return {_state(path): digest(path) for path in paths}
+
+
+def trust(digests: Mapping[FileState, str]) -> None:
+    """Take it from another process what the digests of files are that it has read: as long as they do not change."""
+    _DIGESTS.update(digests)
+
+
+def _state(path: Path) -> FileState:
+    found = path.stat()
+    return path.absolute(), found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
 def digest_text(text: str) -> str:
