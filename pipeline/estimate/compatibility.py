@@ -26,7 +26,7 @@ from pipeline.estimate.attitude import SCALE, attitude
 from pipeline.estimate.lag import lag
 from pipeline.estimate.sensors import Scale
 from pipeline.estimate.series import Series, from_records
-from pipeline.estimate.spikes import SPAN, depth_spikes, pitch_spikes, speed_spikes
+from pipeline.estimate.spikes import FASTEST, SPAN, depth_spikes, pitch_spikes, speed_spikes
 from pipeline.findings import Finding
 from pipeline.mission import Mission
 from pipeline.records import Quality, usable
@@ -106,6 +106,7 @@ def reconcile(records: pd.DataFrame, series: Series, vehicle: Vehicle, mission: 
     if flags:
         records = records.assign(**flags)
         series = from_records(records)
+    _leaps(series, findings)
     report["pressure_lag"] = _entry(
         "s", reason="with one pressure sensor a lag cannot be told from the offset between the clocks: see clock_offset"
     )
@@ -215,6 +216,25 @@ def _listed(series: Series, spikes: dict[str, np.ndarray], findings: list[Findin
         "reason": "measurements that go out and come back at once, or cannot be" if count else "none found",
         "instruments": instruments,
     }
+
+
+def _leaps(series: Series, findings: list[Finding]) -> None:
+    """Add a finding on steps of depth that are none of a vehicle."""
+    at = np.flatnonzero(series.leaping)
+    if at.size:
+        known = np.flatnonzero(np.isfinite(series.depth))
+        following = known[np.searchsorted(known, at[0], side="right")]
+        findings.append(
+            Finding(
+                "warning",
+                "depth record",
+                f"{float(series.time[at[0]]):.0f} s in",
+                f"depth leaps from {series.depth[at[0]]:.0f} to {series.depth[following]:.0f} m within "
+                f"{series.time[following] - series.time[at[0]]:.0f} s{f', the first of {at.size}' * (at.size > 1)}",
+                f"what a vehicle can do, at most {FASTEST:g} m/s",
+                "nothing is carried across; is a part of the log missing, or a clock wrong?",
+            )
+        )
 
 
 def clock_offset(stretches: Sequence[Series], mission: Mission) -> tuple[Entry, list[Finding]]:

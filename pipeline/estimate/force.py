@@ -17,7 +17,7 @@ from numba import njit
 from pipeline.estimate import told
 from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIME, PARAMETERS, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
-from pipeline.estimate.linearise import LONGEST, depth_at_start, integrated, measured, pitching
+from pipeline.estimate.linearise import ANY_DEPTH, LONGEST, depth_at_start, integrated, measured, pitching
 from pipeline.estimate.noise import fill_left_open
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_rate, with_scale
@@ -107,6 +107,7 @@ def _fill(
     time: np.ndarray,
     manoeuvre: np.ndarray,
     afloat: np.ndarray,
+    leaping: np.ndarray,
     drift: np.ndarray,
     force: Forcing,
     at: Path,
@@ -230,14 +231,16 @@ def _fill(
         phi_v = math.exp(-dt / tau)
         reach = tau * (1.0 - phi_v)  # ∫ of the decay over the step
         farther = tau * (dt - reach)  # and of that
-        if afloat[k] or pause > PAUSE or v + rate * reach < 0.0:
-            # afloat, unrecorded, or pushed to a stop: what V was here says nothing about what comes after
+        if afloat[k] or pause > PAUSE or leaping[k] or v + rate * reach < 0.0:
+            # afloat, unrecorded, leaping, or pushed to a stop: what V was here says nothing about what comes after
             phi_v = math.exp(-dt / STOPPING)
             _, v_var, _, _ = integrated(s.initial_speed, STOPPING, dt, phi_v)
             F[0, SPEED], F[1, DEPTH], F[1, WATER] = phi_v, 1.0, -w_weight
             w[SPEED], w[PITCH], w[WATER], w[DEPTH] = v_var, q_t * dt, w_var, w_int + s.heave_drift * dt
             if pause > PAUSE:
                 w[DEPTH] += (s.initial_speed * dt) ** 2
+            if leaping[k]:
+                w[DEPTH] += ANY_DEPTH**2
             x[WATER] = -w_cov
             continue
         unrest = math.sqrt(0.5 * tau * (s.force_drift_manoeuvre if quick else s.force_drift))
@@ -323,6 +326,7 @@ def linearise(
         series.time,
         series.manoeuvre,
         series.afloat,
+        series.leaping,
         moving.drift,
         force,
         at,

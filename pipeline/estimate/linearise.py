@@ -45,6 +45,8 @@ FOLLOWED, STEEPEST_DRIVEN = (0.5, 0.3), 1.5
 #: Over a pause in the records (s) longer than this nothing is carried: the states are as open as after it, and the
 #: position anywhere (m). Their covariance would outgrow double precision.
 LONGEST, ANYWHERE = 21_600.0, 1e5
+#: Over a leap of depth this is how far depth may go, m.
+ANY_DEPTH = 1e3
 
 
 class Sources(NamedTuple):
@@ -83,6 +85,7 @@ class Course(NamedTuple):
     surfaced: np.ndarray
     cruising: np.ndarray
     new_setting: np.ndarray
+    leaping: np.ndarray
 
 
 class Pitching(NamedTuple):
@@ -238,6 +241,9 @@ def _fill(
         q[DEPTH] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + s.swell * dt
         if surfaced or quick:
             q[DEPTH] += s.heave_drift * dt  # sinking nose up, rising nose down, waves: not the polar's flight
+        if course.leaping[k]:
+            q[DEPTH] += ANY_DEPTH**2
+            q[SPEED] += s.initial_speed**2
         if n > EAST:
             along = (math.sin(course.heading[k]), math.cos(course.heading[k]))
             x_v = cosine - v * sine * turn_v
@@ -245,12 +251,13 @@ def _fill(
             if surfaced:
                 x_v, x_t, x_s = 0.0, 0.0, 0.0
             forward = 0.0 if surfaced else v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
+            unknown = pause > LONGEST or course.leaping[k]
             for i in range(2):
                 F[2 + i, source], F[2 + i, PITCH] = along[i] * x_v * dt, along[i] * x_t * dt
                 F[2 + i, SLIP], F[2 + i, EAST + i], F[2 + i, CURRENT_EAST + i] = along[i] * x_s * dt, 1.0, dt
                 b[2 + i, 0] = along[i] * forward * dt
                 q[EAST + i] = (s.surface_drift if surfaced else s.position_drift) * dt
-                if pause > LONGEST:
+                if unknown:
                     q[EAST + i] += ANYWHERE**2
                 q[CURRENT_EAST + i] = s.current_drift * dt
             if n > CRUISE:

@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
 from pipeline.estimate.gyro import turns
+from pipeline.estimate.spikes import leaps
 from pipeline.geodesy import apart
 from pipeline.records import Phase, seconds, usable
 
@@ -53,6 +54,7 @@ class Series:
     unmeasured: np.ndarray  # bool: no depth or no pitch within `PAUSE`
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
+    leaping: np.ndarray  # bool: depth leaps from here to its next record, farther than a vehicle can move
 
     def __getitem__(self, part: slice) -> Series:
         parts = {name: value[part] for name, value in vars(self).items() if name != "start"}
@@ -93,7 +95,8 @@ def from_records(records: pd.DataFrame) -> Series:
     phase = records["phase"].to_numpy()
     driven = powered(records)
     surfaced = phase == Phase.SURFACING
-    manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven)
+    leaping = leaps(time, depth)
+    manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven) | near(time, leaping, BEFORE, AFTER)
     gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
@@ -118,6 +121,7 @@ def from_records(records: pd.DataFrame) -> Series:
         unmeasured=~(near(time, np.isfinite(depth), PAUSE, PAUSE) & near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
+        leaping=leaping,
     )
 
 

@@ -4,6 +4,8 @@ A sample is a spike when it departs to one side from the median of five samples 
 the noise and the vehicle's motion allow, and those two agree. Steps, turns and slow excursions do not: there the two
 medians differ, or follow. A speed must also depart from what depth rate and pitch say, so that a motion that is real
 is none, and cannot be less than the depth rate.
+
+A step of depth that is farther than a vehicle can move is a leap.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ GATE, AGREE = 8.0, 0.4
 LEAST_DEPTH, LEAST_PITCH, LEAST_SPEED = 1.0, math.radians(20.0), 0.04
 #: The vehicle is nowhere faster than this, m/s; nor slower than its depth rate by more than this.
 FASTEST, SLOWER = 2.5, 0.06
+#: A step of depth is a leap if it is this much (m) more than the way of the fastest vehicle.
+LEAP = 10.0
 #: Speed in a manoeuvre is judged by samples closer than this (s) only: meanwhile the vehicle may gather way.
 QUICK = 15.0
 #: Depth rate is taken over this time, s.
@@ -91,6 +95,18 @@ def depth_spikes(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
     moving = rate[rate > 0.02]
     usual = min(3.0 * float(np.median(moving)), FASTEST) if moving.size else 0.0
     return _repeated(depth, np.maximum(GATE * noise(depth), LEAST_DEPTH) + usual * _reach(time))
+
+
+def leaps(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return from where `depth`, m, leaps to its next record at `time`, s, shape (m,): a part of the log is missing.
+
+    Or its clock is wrong, or the sensor's zero: between the two records the vehicle was anywhere.
+    """
+    leaping = np.zeros(time.size, dtype=bool)
+    known = np.flatnonzero(np.isfinite(depth))
+    farther = np.abs(np.diff(depth[known])) > LEAP + FASTEST * np.diff(time[known])
+    leaping[known[:-1][farther]] = True
+    return leaping
 
 
 def pitch_spikes(time: np.ndarray, pitch: np.ndarray) -> np.ndarray:
