@@ -1,9 +1,12 @@
 """The reasons on the page: verdict, table and figure say what summary.json says."""
 
+import copy
+import math
+
 from pages import Page
 from synthetic import blocks, inputs
 
-from pipeline.report import build
+from pipeline.report import build, page
 from pipeline.report.figures.hypotheses import COLUMNS, hypotheses
 
 
@@ -28,7 +31,18 @@ def test_the_figure_has_the_most_probable_reason_first(built):
 
 def test_without_blocks_the_page_says_why_nothing_is_ranked(mission, petrel):
     table = blocks(dives=1).assign(used=False)
-    summary, page = build(inputs(mission, petrel, table))[:2]
+    summary, text = build(inputs(mission, petrel, table))[:2]
     assert summary["hypotheses"]["reason"] == "no steady block"
-    assert "What may be wrong cannot be ranked: no steady block." in Page(page).words
+    assert "What may be wrong cannot be ranked: no steady block." in Page(text).words
     assert hypotheses(summary["hypotheses"]) is None
+
+
+def test_what_is_moved_where_nothing_is_wrong_is_seen_from_no_size(built):
+    summary, pictures = copy.deepcopy(built[0]), built[2]
+    (row,) = (row for row in summary["hypotheses"]["rows"] if row["words"].startswith("Nothing is wrong"))
+    row["parameters"] = [{"symbol": "ΔG", "value": 0.3, "std": 0.1, "unit": "N"}]
+    row["seen_from"] = math.nan
+    section = Page(page.report(summary, pictures)).words
+    section = section[section.index("Which reason explains the difference") :]
+    assert "+0.30 ± 0.10" in section
+    assert "nan" not in section[: section.index("Nothing is wrong") + 300]
