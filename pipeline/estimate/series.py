@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,7 +12,7 @@ import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
 from pipeline.estimate.gyro import turns
-from pipeline.estimate.spikes import leaps
+from pipeline.estimate.spikes import leaps, noise
 from pipeline.geodesy import apart
 from pipeline.records import Phase, seconds, usable
 
@@ -25,6 +26,10 @@ LEVEL = np.radians(10.0)
 BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
 #: With its pressure sensor above this depth (m) a vehicle of some 2 m is breaking the surface.
 AFLOAT = 1.0
+#: A slow turn shows over this time (s), where it is more than this many 1-sigma of what noise makes of it.
+SWING, SURE = 30.0, 3.0
+#: Farther than this many sampling intervals from a sample of pitch there is a gap.
+GAP = 2.5
 #: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
 BACKWARDS = 0.02
 
@@ -54,6 +59,7 @@ class Series:
     unmeasured: np.ndarray  # bool: no depth or no pitch within `PAUSE`
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
+    swinging: np.ndarray  # rad2/s, random walk of θ that a slow turn amounts to, beyond what noise looks like
     leaping: np.ndarray  # bool: depth leaps from here to its next record, farther than a vehicle can move
 
     def __getitem__(self, part: slice) -> Series:
@@ -121,6 +127,7 @@ def from_records(records: pd.DataFrame) -> Series:
         unmeasured=~(near(time, np.isfinite(depth), PAUSE, PAUSE) & near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
+        swinging=_swinging(time, pitch, pitch_guess),
         leaping=leaping,
     )
 
@@ -148,6 +155,21 @@ def _rate(time: np.ndarray, value: np.ndarray, window: float) -> np.ndarray:
     grid = np.arange(0.0, time[-1] + step, step)
     smooth = uniform_filter1d(np.interp(grid, time, value), max(int(window / step), 1), mode="nearest")
     return np.asarray(np.interp(time, grid, np.gradient(smooth, step)))
+
+
+def _swinging(time: np.ndarray, pitch: np.ndarray, guess: np.ndarray) -> np.ndarray:
+    """Return the intensity of a random walk, rad²/s, shape (m,), that steps as far as θ turns from sample to sample.
+
+    It is zero where a gap in the samples hides how θ turned.
+    """
+    known = np.isfinite(pitch)
+    if known.sum() < 2:
+        return np.zeros(time.size)
+    spacing = float(np.median(np.diff(time[known])))
+    least = SURE * math.sqrt(2.0) * noise(pitch[known]) / SWING
+    turning = np.maximum(_rate(time, guess, SWING) ** 2 - least**2, 0.0) * spacing
+    sampled = near(time, known, GAP * spacing, GAP * spacing)
+    return np.asarray(np.where(near(time, ~sampled, 0.5 * SWING, 0.5 * SWING), 0.0, turning))
 
 
 def _manoeuvre(

@@ -44,6 +44,21 @@ def test_a_pitch_step_is_a_manoeuvre_with_its_margins_and_no_more() -> None:
     assert not manoeuvre[600 + int(AFTER) + 20 :].any()
 
 
+def test_a_slow_turn_of_pitch_steps_as_far_as_its_random_walk_and_noise_does_not() -> None:
+    time = np.arange(1200.0)
+    rate = np.radians(0.1)
+    turn = -0.4 - rate * np.clip(time - 500.0, 0.0, 100.0)
+    for spacing in (1, 4):
+        pitch = np.where(time % spacing == 0.0, turn, np.nan)
+        found = from_records(flight(pitch=pitch))
+        assert not found.manoeuvre[100:-100].any()
+        np.testing.assert_allclose(found.swinging[530:570], rate**2 * spacing, rtol=0.1)
+        assert not found.swinging[20:450].any()
+        assert not found.swinging[650:-20].any()
+    noisy = -0.4 + np.radians(0.2) * np.random.default_rng(5).standard_normal(time.size)
+    assert np.mean(from_records(flight(pitch=noisy)).swinging > 0.0) < 0.02
+
+
 def test_sinking_nose_up_is_a_manoeuvre() -> None:
     assert from_records(flight(pitch=0.4)).manoeuvre[100:-100].all()
 
