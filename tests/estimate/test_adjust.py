@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -299,5 +300,8 @@ def test_while_parameters_are_wrong_no_noise_as_large_as_their_error_holds_them_
     drag, noise = found.report["parameters"]["parasite_drag"], found.noise.settings
     assert abs(drag["value"] - 0.35) < 2.0 * drag["std"]
     assert noise.load < 3.0 * Settings().load
-    assert noise.force_drift < 10.0 * Settings().force_drift
+    # What V wanders in a minute is far less than what the error of drag would do to it in that time. As a factor on the
+    # ordinary level the bound would say nothing of the fault: that was found at 15 times it, and is seen in the drag.
+    wrong = 0.35 * PETREL["parasite_drag"] * 0.4**2 / PETREL["mass"] * 60.0
+    assert math.sqrt(60.0 * noise.force_drift) < 0.2 * wrong
     assert noise.sigma_w == pytest.approx(0.025, rel=0.3)
