@@ -74,6 +74,9 @@ WEAK = 0.5
 CUBE = 200
 #: So many missions with one seed are drawn before it is given up.
 DRAWS = 5
+#: Beyond this α (rad) the flow is separated; a vehicle for which it is so longer than this share of its time under way
+#: does not fly: turning points take less.
+STALLED, TUMBLING = 0.3, 0.02
 #: Path angles of powered level flight and of the nose-down corrections between, degrees.
 RISING_DEG, CORRECTING_DEG = 5.0, -10.0
 
@@ -239,8 +242,16 @@ def first_flown(seed: int) -> tuple[Flight, Flown]:
         except InputError as error:
             why = error
             continue
-        return flight, _logged(flight, simulated)
+        if stalled(simulated.truth) < TUMBLING:
+            return flight, _logged(flight, simulated)
+        why = InputError(flight.plan.name, found="a vehicle that tumbles", expected="flight")
     raise why
+
+
+def stalled(truth: pd.DataFrame) -> float:
+    """Return the share of the time under way in which the flow is separated: the vehicle tumbles."""
+    under_way = ~truth["afloat"].to_numpy()
+    return float(np.mean(np.abs(truth["angle_of_attack"].to_numpy()[under_way]) > STALLED))
 
 
 def _logged(flight: Flight, simulated: Simulated) -> Flown:

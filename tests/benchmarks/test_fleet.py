@@ -243,6 +243,15 @@ def test_a_mission_that_its_vehicle_does_not_carry_out_is_drawn_again() -> None:
     assert first_flown(5001)[0].again == 0
 
 
+def test_a_mission_that_tumbles_up_to_the_surface_is_drawn_again() -> None:
+    flight = plan_of(22091)
+    climbing = run(flight.plan, flight.seed, flight.injection).truth
+    assert fleet.stalled(climbing) > 0.3
+    flight, flown = first_flown(22091)
+    assert flight.again > 0
+    assert fleet.stalled(flown.truth) < fleet.TUMBLING
+
+
 def test_an_offset_that_would_keep_a_glider_afloat_is_met_by_stronger_orders() -> None:
     lifted = [flight for flight in flights() if flight.injection.buoyancy_offset > 1.0]
     assert lifted
