@@ -227,6 +227,8 @@ def _drawn(number: int, cause: str, wanted: str, rng: np.random.Generator) -> Ca
     moments = cause == "battery trim" and telling
     name = "petrel-ii" if powered or moments else str(rng.choice(vehicles()))
     craft = vehicle.load(name)
+    if craft.propeller is not None:  # as a mission leaves it, and as it is flown, see `flight_of`
+        craft = replace(craft, correlations={("thrust_static", "thrust_slope"): -1.0})
     if rng.uniform() < (0.85 if telling else 0.5):
         craft = calibrated(craft)
     settings = int(rng.integers(2, 4)) if telling else 1

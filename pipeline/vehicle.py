@@ -110,6 +110,14 @@ class Propeller(NamedTuple):
     diameter: float
 
 
+class PropellerError(NamedTuple):
+    """1-sigma of K_1 and of K_2, and the correlation of the two."""
+
+    static: float
+    slope: float
+    correlation: float
+
+
 class Disk(NamedTuple):
     """Thrust by power as plain numbers: diameter [m] and efficiency of a propeller taken as an actuator disk."""
 
@@ -143,6 +151,10 @@ class Vehicle:
             return self.coefficients[name].std
         return math.nan if KNOWN[name].default is None else 0.0
 
+    def correlation(self, first: str, second: str) -> float:
+        """Return the correlation of the errors of two coefficients; 0 where none is stated."""
+        return self.correlations.get((first, second), self.correlations.get((second, first), 0.0))
+
     @property
     def polar(self) -> Polar:
         """Lift and drag coefficients at the reference density."""
@@ -153,6 +165,12 @@ class Vehicle:
         """Thrust law, or None for a vehicle without one."""
         law = Propeller(self["thrust_static"], self["thrust_slope"], self["propeller_diameter"])
         return None if any(math.isnan(value) for value in law) else law
+
+    @property
+    def propeller_error(self) -> PropellerError:
+        """How well the thrust law is known; the 1-sigma are NaN where that is not known."""
+        first, second = "thrust_static", "thrust_slope"
+        return PropellerError(self.std(first), self.std(second), self.correlation(first, second))
 
     @property
     def disk(self) -> Disk | None:

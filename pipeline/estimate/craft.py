@@ -13,8 +13,8 @@ from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.settings import Noise
 from pipeline.mission import Mission
 from pipeline.model.exchange import CARRIED_STD, FLUSHING_BEFORE, HULL_TIME_BEFORE, HULL_TIME_STD, fairing_of
-from pipeline.model.forces import NO_DISK, disk_thrust_std, propeller_of
-from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
+from pipeline.model.forces import NO_DISK, disk_thrust_std, law_thrust_std, propeller_of
+from pipeline.vehicle import Disk, Polar, Propeller, PropellerError, Vehicle
 
 #: What the force model is told and does not know exactly, in the order of their columns; unit of a change of 1.
 PARAMETERS = (
@@ -58,7 +58,7 @@ class Craft(NamedTuple):
     centre: np.ndarray  # (c,): values before the mission
     std: np.ndarray  # (c,): 1-sigma before the mission
     value: np.ndarray  # (c,): values now
-    propeller_std: tuple[float, float] = (0.0, 0.0)  # 1-sigma of K_1 and K_2
+    propeller_std: PropellerError = PropellerError(0.0, 0.0, 0.0)
     disk: Disk = NO_DISK  # thrust where it is known by power
     disk_std: Disk = NO_DISK  # its 1-sigma
 
@@ -114,7 +114,7 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
         centre,
         known,
         centre.copy(),
-        (vehicle.std("thrust_static"), vehicle.std("thrust_slope")) if vehicle.propeller else (0.0, 0.0),
+        vehicle.propeller_error if vehicle.propeller else PropellerError(0.0, 0.0, 0.0),
         vehicle.disk or NO_DISK,
         Disk(vehicle.std("propeller_diameter"), vehicle.std("propulsive_efficiency")) if vehicle.disk else NO_DISK,
     )
@@ -123,8 +123,8 @@ def from_vehicle(vehicle: Vehicle, mission: Mission, body: Hull) -> Craft:
 def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndarray]) -> float:
     """Return the relative 1-sigma of thrust where the propeller turns.
 
-    Near the advance ratio J_0 a little of K_1 and K_2 is much of T; by power, T goes with η and D to powers that change
-    from 2/3 at rest to 1 and 0 at high speed.
+    By the propeller's speed it is that of K_1 and K_2 at the median advance ratio; by power, T goes with η and D to
+    powers that change from 2/3 at rest to 1 and 0 at high speed.
 
     Parameters
     ----------
@@ -133,7 +133,6 @@ def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndar
     forces, speeds
         Inputs, and V [m/s] at the same instants, of each stretch.
     """
-    law, (std_1, std_2) = craft.propeller, craft.propeller_std
     speed = np.concatenate(speeds)
     power = np.concatenate([force.propeller_power for force in forces])
     if (power > 0.0).any():
@@ -141,10 +140,10 @@ def thrust_std(craft: Craft, forces: Sequence[Forcing], speeds: Sequence[np.ndar
         return float(disk_thrust_std(craft.disk, craft.disk_std, craft.density, *typical))
     rotation = np.concatenate([force.propeller_speed for force in forces])
     turning = np.abs(rotation) > 0.0
-    if not turning.any() or not std_1 + std_2 > 0.0:
+    if not turning.any() or not craft.propeller_std.static + craft.propeller_std.slope > 0.0:
         return float(craft.std[THRUST])
-    ratio = float(np.median(speed[turning] / (np.abs(rotation[turning]) * law.diameter)))
-    return math.hypot(std_1, std_2 * ratio) / max(law.thrust_static + law.thrust_slope * ratio, std_1)
+    ratio = float(np.median(speed[turning] / np.abs(rotation[turning])))  # J D_0
+    return float(law_thrust_std(craft.propeller, craft.propeller_std, 1.0, ratio))
 
 
 def _thrust_std(vehicle: Vehicle) -> float:

@@ -12,12 +12,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.vehicle import Disk, Polar, Propeller, Vehicle
+from pipeline.vehicle import Disk, Polar, Propeller, PropellerError, Vehicle
 
 #: The thrust law of a vehicle that has none.
 NO_PROPELLER = Propeller(0.0, 0.0, 0.0)
 #: The same for thrust by power.
 NO_DISK = Disk(0.0, 0.0)
+
+#: Least thrust, as a share of that at rest, of which an error is a share.
+LEAST_THRUST = 1e-3
 
 GRAVITY = 9.81
 PASCAL_PER_DBAR = 1e4
@@ -160,23 +163,55 @@ def power_for(disk: Disk, density: ArrayLike, newton: ArrayLike, speed: ArrayLik
 
 
 def relative_thrust_std(
-    vehicle: Vehicle, density: ArrayLike, power: ArrayLike, speed: ArrayLike
+    vehicle: Vehicle, density: ArrayLike, propeller_speed: ArrayLike, power: ArrayLike, speed: ArrayLike
 ) -> NDArray[np.float64]:
-    """Return the relative 1-sigma of thrust: that of K_1, or, where it follows from power, of η and D; NaN if unknown.
+    """Return the relative 1-sigma of thrust: that of K_1 and K_2, or, by power, that of η and D; NaN if unknown.
 
     Parameters
     ----------
     vehicle
         Gives the laws and the 1-sigma of their coefficients.
-    density, power, speed
-        kg/m³, W (0 where thrust does not follow from it) and m/s; arrays that broadcast, to the shape of the result.
+    density, propeller_speed, power, speed
+        kg/m³, rev/s, W (0 where thrust does not follow from it) and m/s; arrays that broadcast, to the shape of the
+        result.
     """
-    by_speed = vehicle.std("thrust_static") / abs(vehicle["thrust_static"] or math.nan)
+    power, rotation = np.asarray(power, dtype=np.float64), np.asarray(propeller_speed, dtype=np.float64)
+    shape = np.broadcast_shapes(*(np.shape(values) for values in (density, rotation, power, speed)))
+    by_speed = np.full(shape, np.nan)
+    if vehicle.propeller is not None:
+        by_speed = np.broadcast_to(
+            law_thrust_std(vehicle.propeller, vehicle.propeller_error, rotation, speed), shape
+        ).copy()
     if vehicle.disk is None:
-        return np.full(np.broadcast_shapes(*(np.shape(values) for values in (density, power, speed))), by_speed)
+        return by_speed
     std = Disk(vehicle.std("propeller_diameter"), vehicle.std("propulsive_efficiency"))
-    by_power = disk_thrust_std(vehicle.disk, std, density, power, speed)
-    return np.where(np.asarray(power, dtype=np.float64) > 0.0, by_power, by_speed)
+    return np.where(power > 0.0, disk_thrust_std(vehicle.disk, std, density, power, speed), by_speed)
+
+
+def law_thrust_std(
+    law: Propeller, std: PropellerError, propeller_speed: ArrayLike, speed: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the relative 1-sigma of thrust by propeller speed: T ~ K_1 + K_2 J at the advance ratio J = V / (n D_0).
+
+    Near J_0 = -K_1/K_2 a little of K_1 and K_2 is much of T. There T is taken as no less than the 1-sigma of K_1, as a
+    share of nothing says nothing. A propeller that stands still is taken at J = 0.
+
+    Parameters
+    ----------
+    law, std
+        Thrust law, and how well it is known.
+    propeller_speed, speed
+        rev/s and m/s; arrays that broadcast, to the shape of the result.
+    """
+    rotation, through = np.broadcast_arrays(
+        np.abs(np.asarray(propeller_speed, dtype=np.float64)), np.asarray(speed, dtype=np.float64)
+    )
+    turning = rotation > 0.0
+    ratio = np.divide(through, rotation * law.diameter, out=np.zeros(rotation.shape), where=turning)
+    slope = std.slope * ratio
+    error = np.sqrt(np.maximum(std.static**2 + slope**2 + 2.0 * std.correlation * std.static * slope, 0.0))
+    least = np.maximum(std.static, LEAST_THRUST * law.thrust_static)
+    return np.asarray(error / np.maximum(law.thrust_static + law.thrust_slope * ratio, least))
 
 
 def disk_thrust_std(

@@ -27,7 +27,7 @@ from pipeline.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: Coefficients that err together, as one factor on thrust.
+#: Coefficients whose errors may be correlated.
 _THRUST = ("thrust_static", "thrust_slope")
 _STEP = 0.05  # of a 1-sigma, for the central differences of `nominal`
 
@@ -35,9 +35,10 @@ _STEP = 0.05  # of a 1-sigma, for the central differences of `nominal`
 def predict(vehicle: Vehicle, blocks: pd.DataFrame) -> pd.DataFrame:
     """Return the predicted steady flight of each block for each trim of `records.TRIMS`.
 
-    The 1-sigma come from those of the coefficients (thrust as one factor, see `forces.relative_thrust_std`) and of
-    the block's pitch, net buoyancy, propeller speed or power and battery position, taken as independent, to first
-    order. Thrust follows from the propeller's power where it does not from its speed, see `case.driven`.
+    The 1-sigma come from those of the coefficients (thrust as one factor at the block's advance ratio, see
+    `forces.relative_thrust_std`) and of the block's pitch, net buoyancy, propeller speed or power and battery
+    position, taken as independent, to first order. Thrust follows from the propeller's power where it does not from
+    its speed, see `case.driven`.
     The stable range and its verdict are in physical signs, at the predicted angle of attack and thrust.
 
     Parameters
@@ -171,8 +172,10 @@ def _errors(vehicle: Vehicle) -> list[tuple[dict[str, float], float]]:
     single = [name for name in vehicle.coefficients if name not in _THRUST and not math.isnan(vehicle[name])]
     errors = [({name: vehicle.std(name)}, vehicle.std(name)) for name in single]
     if vehicle.propeller is not None:
-        relative = float(relative_thrust_std(vehicle, vehicle["reference_density"], 0.0, 0.0))
-        errors.append(({name: relative * vehicle[name] for name in _THRUST}, relative))
+        std = vehicle.propeller_error
+        both = {"thrust_static": std.static, "thrust_slope": std.correlation * std.slope}
+        alone = {"thrust_slope": std.slope * math.sqrt(1.0 - std.correlation**2)}
+        errors += [(both, std.static), (alone, std.slope)]
     return errors
 
 
@@ -261,7 +264,9 @@ def _predict_trim(trim: Trim, vehicle: Vehicle, inputs: _Inputs) -> pd.DataFrame
         density=inputs.density,
         battery_position=inputs.battery_position,
     )
-    thrust_std = relative_thrust_std(vehicle, inputs.density, inputs.propeller_power, state.speed)
+    thrust_std = relative_thrust_std(
+        vehicle, inputs.density, inputs.propeller_speed, inputs.propeller_power, state.speed
+    )
     deviation = _deviations(slopes, vehicle, inputs, thrust_std)
     limits = stable_range(vehicle, inputs.net_buoyancy, state.angle_of_attack, state.thrust, density=inputs.density)
     known = np.isfinite(state.speed)

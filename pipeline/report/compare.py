@@ -283,9 +283,10 @@ def _kinematic_effects(both: pd.DataFrame, vehicle: Vehicle, which: int) -> dict
 
 def _input_stds(both: pd.DataFrame, vehicle: Vehicle) -> dict[str, Array]:
     """Return the 1-sigma of every input of the theory, per block: 0 where the vehicle file leaves it unknown."""
-    _, power = _driven(both, vehicle)
+    turning, power = _driven(both, vehicle)
     stds = {name: np.full(len(both), vehicle.std(name)) for name in SHARED if name != "pitch"}
-    stds["thrust_scale"] = relative_thrust_std(vehicle, density_of(both, vehicle), power, floats(both, "speed_theory"))
+    speed = floats(both, "speed_theory")
+    stds["thrust_scale"] = relative_thrust_std(vehicle, density_of(both, vehicle), turning, power, speed)
     for name in ("pitch", "net_buoyancy", "propeller_speed", "propeller_power"):
         stds[name] = floats(both, f"{name}_std")
     return {name: np.nan_to_num(std) for name, std in stds.items()}

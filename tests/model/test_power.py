@@ -1,6 +1,7 @@
 """Flight of a propeller whose power alone is known: against momentum theory written out here, and scipy."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -97,10 +98,28 @@ def test_power_for_a_thrust_is_the_inverse_and_the_exponent_the_difference() -> 
 
 
 def test_thrust_by_power_is_as_uncertain_as_efficiency_and_diameter() -> None:
-    at_rest, fast = relative_thrust_std(HYBRID, DENSITY, 5.0, np.array([0.0, 50.0]))
+    at_rest, fast = relative_thrust_std(HYBRID, DENSITY, 0.0, 5.0, np.array([0.0, 50.0]))
     assert at_rest == pytest.approx(2.0 / 3.0 * math.hypot(0.3, 0.05 / 0.22))
     assert fast == pytest.approx(0.3, rel=1e-3)
-    assert math.isnan(float(relative_thrust_std(HYBRID, DENSITY, 0.0, 0.0)))
+    assert math.isnan(float(relative_thrust_std(HYBRID, DENSITY, 0.0, 0.0, 0.0)))
+
+
+def test_thrust_by_speed_is_as_uncertain_as_both_of_its_coefficients_at_the_advance_ratio(petrel: Vehicle) -> None:
+    # 780 and 1400 rpm at the speeds of Niu et al. (2017), Section 5; 1e5 draws of K_1 and K_2.
+    n, speed = np.array([13.0, 1400.0 / 60.0]), np.array([0.62, 1.2])
+    ratio = speed / (n * petrel["propeller_diameter"])
+    white = np.random.default_rng(1).standard_normal((2, 100_000))
+    for correlation in (0.0, -1.0, 0.5):
+        tied = correlation * white[0] + math.sqrt(1.0 - correlation**2) * white[1]
+        static = petrel["thrust_static"] + petrel.std("thrust_static") * white[0]
+        slope = petrel["thrust_slope"] + petrel.std("thrust_slope") * tied
+        drawn = static + slope * ratio[:, None]
+        craft = replace(petrel, correlations={("thrust_static", "thrust_slope"): correlation})
+        found = relative_thrust_std(craft, DENSITY, n, 0.0, speed)
+        np.testing.assert_allclose(found, drawn.std(axis=1) / drawn.mean(axis=1), rtol=0.02)
+    assert relative_thrust_std(petrel, DENSITY, 0.0, 0.0, 0.5) == pytest.approx(0.03 / 0.6136)
+    beyond = relative_thrust_std(petrel, DENSITY, 1.0, 0.0, 0.5)  # braking: no share of nothing
+    assert 1.0 < beyond < 100.0
 
 
 def test_thrust_follows_from_speed_where_there_is_a_law_for_it_and_else_from_power(petrel: Vehicle) -> None:

@@ -86,20 +86,18 @@ def test_a_propeller_that_is_not_turning_needs_no_log(petrel: Vehicle) -> None:
     assert math.isfinite(row["speed_std"])
 
 
-def test_std_are_the_spread_of_a_monte_carlo(petrel: Vehicle) -> None:
+@pytest.mark.parametrize("together", [False, True], ids=["K_1 and K_2 apart", "one factor on thrust"])
+def test_std_are_the_spread_of_a_monte_carlo(petrel: Vehicle, together: bool) -> None:
     # A tenth of every 1-sigma, so that first order holds; 300 draws give the spread to about 4 %.
     rng = np.random.default_rng(7)
     setting = {"battery_position": 0.03, "battery_position_std": 1e-4}
     setting |= {f"{name}_std": 0.1 * SETTING[f"{name}_std"] for name in ("net_buoyancy", "pitch", "propeller_speed")}
     drawn = []
     for _ in range(300):
-        changes = {
-            name: petrel[name] + 0.1 * petrel.std(name) * rng.standard_normal()
-            for name in petrel.coefficients
-            if not name.startswith("thrust_")
-        }
-        factor = 1.0 + 0.1 * 0.03 / 0.6136 * rng.standard_normal()
-        changes |= {name: factor * petrel[name] for name in ("thrust_static", "thrust_slope")}
+        changes = {name: petrel[name] + 0.1 * petrel.std(name) * rng.standard_normal() for name in petrel.coefficients}
+        if together:  # K_2 is negative
+            share = (changes["thrust_static"] - petrel["thrust_static"]) / petrel.std("thrust_static")
+            changes["thrust_slope"] = petrel["thrust_slope"] - share * petrel.std("thrust_slope")
         moved = {
             name: (SETTING | setting)[name] + setting[f"{name}_std"] * rng.standard_normal()
             for name in ("net_buoyancy", "pitch", "propeller_speed", "battery_position")
@@ -109,6 +107,7 @@ def test_std_are_the_spread_of_a_monte_carlo(petrel: Vehicle) -> None:
         petrel.name,
         petrel.description,
         {name: c.__class__(c.value, 0.1 * c.std, c.unit, c.source) for name, c in petrel.coefficients.items()},
+        {("thrust_slope", "thrust_static"): -1.0} if together else {},
     )
     found = predict(narrow, blocks(setting))
     for row, trim in enumerate(("pitch", "battery", "fixed_alpha")):

@@ -192,7 +192,7 @@ def prior_stds(vehicle: Vehicle, points: Points, ballast_std: float, pitch_std: 
             vehicle, driven.net_buoyancy, driven.pitch,
             propeller_speed=driven.propeller_speed, propeller_power=driven.propeller_power, density=driven.density,
         )  # fmt: skip
-        std = relative_thrust_std(vehicle, driven.density, driven.propeller_power, trim.speed)
+        std = relative_thrust_std(vehicle, driven.density, driven.propeller_speed, driven.propeller_power, trim.speed)
         known = std[np.isfinite(std)]
         if known.size:
             out["thrust_scale"] = float(np.median(known))

@@ -1,6 +1,7 @@
 """What is freed, what is refused, and which experiment would tell."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -96,7 +97,9 @@ def test_lost_thrust_is_freed_where_climbs_are_flown_with_the_propeller_on_and_o
         setting = (row["net_buoyancy"], row["pitch"], row["propeller_speed"])
         (weak, weak_path), (strong, strong_path) = steady(*setting, thrust=0.8), steady(*setting)
         powered.loc[i, "depth_rate"] += strong * math.sin(strong_path) - weak * math.sin(weak_path)
-    result = solve(petrel, joined(gliding, powered), settings=water)
+    # K_1 and K_2 that err each for itself, by 5 %, leave thrust open by 10 % here: 20 % less would be no surprise.
+    calibrated = replace(petrel, correlations={("thrust_static", "thrust_slope"): -1.0})
+    result = solve(calibrated, joined(gliding, powered), settings=water)
     assert "thrust_scale" in [item["name"] for item in result["selection"]["accepted"]], result["text"]
     thrust = found(result)["thrust_scale"]
     assert abs(thrust["value"] + 0.2) < 3.0 * thrust["std"]
