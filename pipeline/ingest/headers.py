@@ -73,6 +73,7 @@ _PREFIXES = {
     "glider",
     "vehicle",
     "gps",
+    "precise",
 }
 
 _TIME_UNITS = {"s", "ms", "us", "ns"}

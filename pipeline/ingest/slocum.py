@@ -23,6 +23,7 @@ from pipeline.mission import Mission
 _NAME = re.compile(r"\.(?P<kind>[dsmnet])(?P<compressed>[bc])d$", re.IGNORECASE)
 _CACHE = re.compile(r"^[0-9a-f]{1,8}\.c[ac]c$", re.IGNORECASE)
 _FOLDERS = ("cac", "cache")
+_ASCII = b"DBD_ASC"
 #: Kinds of file, fullest first, and the kinds that the science computer writes.
 _FULLNESS = "demnst"
 _SCIENCE = "ent"
@@ -185,10 +186,14 @@ class _Segments:
 
 
 def _begins_like_slocum(path: Path) -> bool:
-    """Return whether the label stands in the first bytes, as it does in clear in the first literals of an LZ4 block."""
+    """Return whether the label stands in the first bytes, as it does in clear in the first literals of an LZ4 block.
+
+    A file made text by ``dbd2asc`` has a label of its own, and is a plain table.
+    """
     try:
         with path.open("rb") as file:
-            return dinkum.LABEL in file.read(32)
+            begin = file.read(32)
+            return dinkum.LABEL in begin and _ASCII not in begin
     except OSError:
         return False
 

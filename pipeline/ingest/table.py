@@ -1,4 +1,4 @@
-"""Plain tables: CSV, text and Parquet files, one instrument clock each.
+"""Plain tables: CSV, text and Parquet files, one instrument clock each; those of SeaExplorer and of ``dbd2asc`` too.
 
 Columns, units and time zone come from ``files:`` in mission.yaml; what is left out there is guessed from the header
 and the range of the values, and every guess is a finding.
@@ -6,6 +6,7 @@ and the range of the values, and every guess is a finding.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -21,14 +22,18 @@ if TYPE_CHECKING:
 
     from pipeline.ingest.logs import Logs
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".csv.gz", ".txt.gz", ".tsv.gz")
 TRUTH = "truth.parquet"
+#: Names of plain tables; SeaExplorer numbers its files behind ``gli.sub`` and the like.
+_NAME = re.compile(
+    r".+\.(parquet|(csv|txt|tsv|asc|dba|[dsmnet]bdasc)(\.gz)?|(gli|pld\d)\.(sub|raw)(\.(\d+|all))?(\.gz)?)",
+    re.IGNORECASE,
+)
 
 
 def recognises(path: Path) -> bool:
     """Return whether `path` is a plain table by its name."""
     name = path.name.lower()
-    return name.endswith(SUFFIXES) and name != TRUTH and not name.startswith(("readme", "license", "."))
+    return bool(_NAME.fullmatch(name)) and name != TRUTH and not name.startswith(("readme", "license", "."))
 
 
 def files(folder: Path) -> list[Path]:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pipeline.ingest import headers
+from pipeline.ingest.units import UNITS, spelling
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -14,6 +19,13 @@ if TYPE_CHECKING:
 #: How a column without a name is called.
 UNNAMED = "unnamed column "
 _SNIFFED = 1 << 16
+#: Lines in which a header is looked for, records from which the decimal mark is told.
+_LINES = 200
+#: What marks a line as a comment; a header may stand in one.
+_COMMENTS = "#%!"
+#: How a unit line writes "no unit", and the sizes in bytes that stand below the units of a Slocum ASCII table.
+_NO_UNIT = {"1", "1e-3", "1e-03", "0.001", "-", "--", "none", "None", "n/a", "N/A", "NA"}
+_BYTES = {"1", "2", "4", "8"}
 _MISSING = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "n/a", "null", "NULL", "None", "none", "-", "--", "NaT"]
 
 
@@ -34,7 +46,7 @@ class Layout:
     decimal
         "." or ",".
     encoding
-        ``utf-8`` or ``latin-1``.
+        ``utf-8``, ``utf-16`` or ``latin-1``.
     first
         Fields of the first record, empty if there is none.
     """
@@ -55,24 +67,19 @@ def sniff(path: Path) -> Layout | None:
             raw: bytes = file.read(_SNIFFED)
     except (OSError, EOFError):
         return None
-    if not raw.strip() or b"\0" in raw:
+    if not raw.strip():
         return None
-    try:
-        text, encoding = raw.decode("utf-8-sig"), "utf-8"
-    except UnicodeDecodeError as error:
-        cut = error.start > len(raw) - 4
-        text = raw.decode("utf-8-sig" if cut else "latin-1", errors="ignore")
-        encoding = "utf-8" if cut else "latin-1"
+    text, encoding = _decoded(raw)
+    if "\0" in text:
+        return None
     lines = text.splitlines()
     if len(raw) == _SNIFFED and len(lines) > 1:
         lines.pop()
-    start = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
+    start = _header(lines)
     if start is None:
         return None
-    header = lines[start]
-    separator = max(";,\t|", key=header.count)
-    if header.count(separator) == 0:
-        separator = ""
+    header = lines[start].lstrip(f"{_COMMENTS} ")
+    separator = _separator(header)
     names = _fields(header, separator)
     body = lines[start + 1 :]
     if all(is_number(name) for name in names) or (len(names) < 2 and separator == ""):
@@ -83,9 +90,53 @@ def sniff(path: Path) -> Layout | None:
         units = _fields(body[0], separator)
         skipped += 1
         body = body[1:]
-    first = next((_fields(line, separator) for line in body if line.strip()), [])
-    decimal = "," if separator != "," and any(is_number(f.replace(",", ".", 1)) and "," in f for f in first) else "."
+        sizes = _fields(body[0], separator) if body else []
+        if len(sizes) == len(names) > 1 and set(sizes) <= _BYTES:
+            skipped += 1
+            body = body[1:]
+    records = [_fields(line, separator) for line in body[:_LINES] if line.strip()]
+    decimal = "," if separator != "," and _decimal_commas(records) else "."
+    first = next((record for record in records if len(record) == len(names)), records[0] if records else [])
     return Layout(_unique(names), units, separator, skipped, decimal, encoding, first)
+
+
+def _decoded(raw: bytes) -> tuple[str, str]:
+    """Return the text that a file begins with, and its encoding; the bytes may end within a character."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return raw.decode("utf-16", errors="ignore"), "utf-16"
+    try:
+        return raw.decode("utf-8-sig"), "utf-8"
+    except UnicodeDecodeError as error:
+        if error.start > len(raw) - 4:
+            return raw.decode("utf-8-sig", errors="ignore"), "utf-8"
+        return raw.decode("latin-1"), "latin-1"
+
+
+def _header(lines: list[str]) -> int | None:
+    """Return the line of the header: the first that names a time and a measurement, in a comment even.
+
+    Without one it is the first line that is no comment, and mission.yaml must say what is what.
+    """
+    for number, line in enumerate(lines[:_LINES]):
+        bare = line.lstrip(f"{_COMMENTS} ")
+        names = {headers.quantity(field)[0] for field in _fields(bare, _separator(bare))} if bare else set()
+        if "time" in names and len(names - {"time", None}) > 0:
+            return number
+    return next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in _COMMENTS), None)
+
+
+def _separator(header: str) -> str:
+    """Return the separator that stands most often in a header, "" (any run of blanks) if none does."""
+    separator = max(";,\t|", key=header.count)
+    return separator if separator in header else ""
+
+
+def _decimal_commas(records: list[list[str]]) -> bool:
+    """Return whether numbers are written with a decimal comma, and none with a point."""
+    fields = [field for record in records for field in record]
+    return any("," in field and is_number(field.replace(",", ".", 1)) for field in fields) and not any(
+        "." in field and is_number(field) for field in fields
+    )
 
 
 def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
@@ -151,10 +202,10 @@ def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[s
     rows: list[list[str]] = []
     width = len(layout.names)
     trouble: list[str] = []
-    with _open(path) as file:
+    with io.TextIOWrapper(_open(path), encoding=layout.encoding, errors="replace") as file:
         try:
             for number, raw in enumerate(file, 1):
-                line = raw.decode(layout.encoding, errors="replace").rstrip("\r\n")
+                line = raw.rstrip("\n")
                 if number <= layout.skipped or not line.strip():
                     continue
                 fields = _fields(line, layout.separator)
@@ -207,11 +258,21 @@ def is_number(text: str) -> bool:
 
 
 def _is_unit_line(fields: list[str], width: int) -> bool:
-    """Return whether the line below the header holds units: as many fields, and no digit that begins one."""
+    """Return whether the line below the header holds units: as many fields, and no digit that begins one.
+
+    "1" or "-" for a quantity without a unit may be among them where another field is a unit that is known.
+    """
     filled = [field for field in fields if field]
-    if len(fields) != width or not filled or any(field in _MISSING for field in filled):
+    if len(fields) != width or not filled:
         return False
-    return not any(field[0].isdigit() or is_number(field) for field in filled)
+    plain = [field for field in filled if field not in _NO_UNIT]
+    if len(plain) < len(filled) and not any(_is_unit(field) for field in plain):
+        return False
+    return bool(plain) and not any(field[0].isdigit() or is_number(field) for field in plain)
+
+
+def _is_unit(field: str) -> bool:
+    return spelling(field) in UNITS or field.upper() in ("UTC", "GMT") or " since " in field
 
 
 def _unique(names: list[str]) -> list[str]:

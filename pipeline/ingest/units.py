@@ -156,12 +156,16 @@ _SPELLINGS = {
     "kt": "kn",
     "kts": "kn",
     "nmea": "ddmm",
+    "lat": "ddmm",
+    "lon": "ddmm",
     "ddmm.mmm": "ddmm",
     "psu": "1",
     "pss": "1",
     "pss-78": "1",
     "pss78": "1",
 }
+#: Every unit that some quantity has, as `spelling` returns it.
+UNITS = {unit for dimension in QUANTITIES.values() for unit in dimension.units} - {"1"}
 
 
 _PLAIN = str.maketrans("³µμ⁻¹º", "3uu-1°")

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.findings import InputError
-from pipeline.ingest import headers, table, times, units
+from pipeline.ingest import headers, recognise, table, times, units
 from pipeline.mission import Mission, load
 
 START = 1466553600.0  # 2016-06-22 00:00 UTC
@@ -379,12 +379,52 @@ def test_broken_lines_and_fields_cost_those_and_are_counted(make: Callable[..., 
         "time   P\n1466553600  5.5\n1466553601  nan\n",
         '"time","P"\r\n"1466553600","5.5"\r\n"1466553601",""\r\n',
         "time|P\n2016-06-22T00:00:00Z|5.5\n2016-06-22T00:00:01Z|\n",
+        "% logger 7\nOperator: us\n\ntime,P\n1466553600,5.5\n1466553601,\n",
+        "#time,P\n1466553600,5.5\n1466553601,\n",
+        "trajectory,time,P,salinity\n,UTC,dbar,1\nru29,2016-06-22T00:00:00Z,5.5,35\nru29,2016-06-22T00:00:01Z,NaN,35\n",
+        "time,P,state\nUTC,bar,-\n1466553600,0.55,1\n1466553601,,1\n",
+        "time,P\rUTC,dbar\r1466553600,5.5\r1466553601,\r",
     ],
 )
 def test_separator_decimal_mark_comments_and_unit_lines_are_found_out(make: Callable[..., Mission], text: str) -> None:
     (stream,) = table.read(make({"a.csv": text})).streams
     assert stream["time"].tolist() == [START, START + 1]
     np.testing.assert_array_equal(stream["pressure"], [5.5, np.nan])
+
+
+def test_a_decimal_comma_is_seen_below_a_first_record_of_whole_numbers(make: Callable[..., Mission]) -> None:
+    text = f"time;P\n{START:.0f};0\n{START + 1:.0f};0,25\n{START + 2:.0f};-12,5\n"
+    assert table.read(make({"a.csv": text})).streams[0]["pressure"].tolist() == [0.0, 0.25, -12.5]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_text_in_utf_16_is_read(make: Callable[..., Mission], end: str) -> None:
+    text = end.join(["time\ttemp (°C)", f"{START:.0f}\t10.5", f"{START + 1:.0f}\tx", ""])
+    stream = table.read(make({"a.txt": text.encode("utf-16")})).streams[0]
+    np.testing.assert_array_equal(stream["temperature"], [10.5, np.nan])
+
+
+@pytest.mark.parametrize("name", ["unit-2024-100-0-0.dbdasc", "unit.dba", "unit.asc", "unit.txt"])
+def test_an_ascii_table_of_the_slocum_tools_is_a_plain_table(make: Callable[..., Mission], name: str) -> None:
+    head = "dbd_label: DBD_ASC(dinkum_binary_data_ascii)file\nnum_ascii_tags: 14\nmission_name: YO.MI\n"
+    body = (
+        "m_present_time m_pitch m_ballast_pumped m_gps_lat sci_water_pressure \ntimestamp rad cc lat bar \n8 4 4 8 4 \n"
+    )
+    rows = f"{START} -0.45 -230 5442.5 NaN \n{START + 4} NaN NaN NaN 1.5 \n"
+    mission = make({name: head + body + rows})
+    assert recognise(mission) == "table"
+    (stream,) = table.read(mission).streams
+    assert stream["time"].tolist() == [START, START + 4]
+    np.testing.assert_allclose(stream["pitch"], [-0.45, np.nan])
+    np.testing.assert_allclose(stream["buoyancy_volume"], [-230e-6, np.nan])
+    np.testing.assert_allclose(stream["latitude"], [54.0 + 42.5 / 60, np.nan])
+    np.testing.assert_allclose(stream["pressure"], [np.nan, 15.0])
+
+
+@pytest.mark.parametrize("name", ["sea063.22.gli.sub.120.gz", "sea063.22.pld1.raw.7", "SEA046.GLI.SUB.ALL.gz"])
+def test_files_of_a_seaexplorer_are_plain_tables_by_their_names(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).touch()
+    assert table.recognises(tmp_path / name)
 
 
 def test_a_quoted_field_may_hold_the_separator_and_broken_lines_are_named_by_their_place(
