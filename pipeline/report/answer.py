@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.fitting.selection import NOT_APART
 from pipeline.report.propulsion import strength
 from pipeline.report.rounding import amount, in_words
 
@@ -19,6 +20,10 @@ def answer(summary: Mapping[str, Any]) -> dict[str, Any]:
     known = [part for part in known if math.isfinite(part["held_speed_m_s"])]
     lead = max(known, key=strength, default=None)
     sentence = _no_answer(summary) if lead is None else _compared(lead)
+    even = _even(summary["comparison"]["even_odd"])
+    if even and lead is not None and not lead["powered"] and not _significant(lead) and _apart(even):
+        sentence = f"{sentence.removesuffix('.')}. {_even_words(even)}"
+        even = {}
     more = [_compared(part) for part in known if part is not lead]
     more += [note for part in summary["parts"] for note in part["notes"] if not note.startswith("No theory")]
     more += [
@@ -26,7 +31,7 @@ def answer(summary: Mapping[str, Any]) -> dict[str, Any]:
         for part in summary["parts"]
         if part["measured_reason"]
     ]
-    more += _even_words(summary["comparison"]["even_odd"])
+    more += [_even_words(even)] if even else []
     more += _sensor_words(summary["consistency"])
     if any(row["significant"] for row in summary["compatibility"]["quantities"]):
         more.append(f"Do the instruments agree? {summary['compatibility']['sentence']}")
@@ -45,17 +50,14 @@ def _no_answer(summary: Mapping[str, Any]) -> str:
 
 def _compared(part: Mapping[str, Any]) -> str:
     """Return one part's comparison as a sentence."""
-    held, error, u = part["held_speed_m_s"], part["error_m_s"], part["u_val_m_s"]
-    flown, flown_std = part["as_flown_speed_m_s"], part["as_flown_speed_std_m_s"]
-    if not math.isfinite(error):
-        flown, flown_std, error = held, part["held_speed_std_m_s"], held - part["measured_speed_m_s"]
-        u = math.hypot(flown_std, part["measured_speed_std_m_s"])
+    held = part["held_speed_m_s"]
+    flown, flown_std, error, u = _as_flown(part)
     share = 100.0 * abs(error) / part["measured_speed_m_s"]
     way = "fast" if error > 0 else "slow"
-    if abs(error) > SIGNIFICANT * u:
+    if _significant(part):
         verdict = f"{amount(100 * abs(error), 100 * u, sign=False)} cm/s ({share:.0f} %) too {way}"
     else:
-        verdict = f"in agreement (E = {amount(100 * error, 100 * u)} cm/s)"
+        verdict = f"no significant difference (E = {amount(100 * error, 100 * u)} cm/s)"
     predicts = f"predicts {_speed(flown, flown_std)} m/s"
     if part["as_set"] and abs(held - flown) > 5e-4:
         as_set = _speed(held, part["held_speed_std_m_s"])
@@ -73,23 +75,41 @@ def _compared(part: Mapping[str, Any]) -> str:
     return words.replace("-", "−") + "."
 
 
+def _as_flown(part: Mapping[str, Any]) -> tuple[float, float, float, float]:
+    """Return theory's speed in the blocks as flown and its 1-sigma, E and u_val, m/s; as set where no block is."""
+    flown, flown_std, error = part["as_flown_speed_m_s"], part["as_flown_speed_std_m_s"], part["error_m_s"]
+    if math.isfinite(error):
+        return flown, flown_std, error, part["u_val_m_s"]
+    held, held_std = part["held_speed_m_s"], part["held_speed_std_m_s"]
+    return held, held_std, held - part["measured_speed_m_s"], math.hypot(held_std, part["measured_speed_std_m_s"])
+
+
+def _significant(part: Mapping[str, Any]) -> bool:
+    _flown, _std, error, u = _as_flown(part)
+    return bool(abs(error) > SIGNIFICANT * u)
+
+
 def _speed(value: float, std: float) -> str:
     return amount(value, std, sign=False) if math.isfinite(std) else f"{value:.3f}"
 
 
-def _even_words(rows: list[dict[str, Any]]) -> list[str]:
-    """Return what the even part of the speed's error says, where dives and climbs were flown alike."""
-    out = []
-    for row in rows:
-        if row["trim"] != "pitch" or row["quantity"] != "speed" or row["powered"]:
-            continue
-        way = "fast" if row["even"] > 0 else "slow"
-        verdict = "significant" if abs(row["even"]) > SIGNIFICANT * row["even_u"] else "not significant"
-        out.append(
-            f"Averaged over dive and climb, where ballast and moving water cancel, theory with the measured pitch held "
-            f"is {amount(abs(row['even']), row['even_u'], sign=False)} cm/s too {way}: {verdict}."
-        )
-    return out
+def _even(rows: list[dict[str, Any]]) -> Mapping[str, Any]:
+    """Return the even part of the kinematic speed's error where dives and climbs glided alike; empty where not."""
+    wanted = (row for row in rows if row["trim"] == "pitch" and row["quantity"] == "speed" and not row["powered"])
+    return next(wanted, {})
+
+
+def _apart(even: Mapping[str, Any]) -> bool:
+    return bool(abs(even["even"]) > SIGNIFICANT * even["even_u"])
+
+
+def _even_words(even: Mapping[str, Any]) -> str:
+    """Return what the even part of the speed's error says."""
+    start = "Averaged over dive and climb, where ballast and moving water cancel, theory with the measured pitch held"
+    if not _apart(even):
+        return f"{start} does not differ significantly (E = {amount(even['even'], even['even_u'])} cm/s)."
+    way = "fast" if even["even"] > 0 else "slow"
+    return f"{start} is {amount(abs(even['even']), even['even_u'], sign=False)} cm/s too {way}: significant."
 
 
 def _sensor_words(rows: list[dict[str, Any]]) -> list[str]:
@@ -112,6 +132,15 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     for item in fitted["parameters"]:
         words.append(f"{in_words(item)}, {item['verdict']}")
     sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
+    for item in fitted["parameters"]:
+        others = [
+            row["symbol"]
+            for row in fitted["selection"]["rejected"]
+            if row["why"].startswith(NOT_APART) and row["correlated_with"] == item["symbol"]
+        ]
+        if others and abs(item["value"]) > SIGNIFICANT * item["std"]:
+            held = f"{' and '.join(others)}, which {'are' if len(others) > 1 else 'is'} held within what is stated"
+            sentence += f" {item['symbol']} cannot be told apart from {held}: it may be either."
     strained = [item for item in fitted["borrowed"] if item["verdict"] == "contradicts its prior"]
     if strained:
         pulls = ", ".join(f"{item['symbol']} by {abs(item['pull_std']):.1f}σ" for item in strained)

@@ -139,6 +139,36 @@ def test_key_numbers_on_the_page_are_those_of_the_summary(built):
     assert "1.23 cm/s kinematic estimate, 877 instants, held out" in words
 
 
+def test_the_first_sentence_says_where_only_the_mean_of_dive_and_climb_is_significant(petrel):
+    mission = Mission(vehicle="petrel-ii", name="drag")
+    for extra, said in ((2.5, True), (0.0, False)):
+        flown = blocks(dives=8, extra_drag=extra).assign(net_buoyancy_std=1.0)  # ballast, which cancels in the mean
+        summary, _, _ = build(inputs(mission, petrel, flown))
+        rows = summary["comparison"]["even_odd"]
+        row = next(row for row in rows if row["quantity"] == "speed" and row["trim"] == "pitch")
+        answer = summary["answer"]
+        assert "no significant difference (E = " in answer["sentence"]
+        assert (row["even"] > 2.0 * row["even_u"]) is said
+        assert ("cm/s too fast: significant." in answer["sentence"]) is said
+        assert any("does not differ significantly" in line for line in answer["more"]) is not said
+        assert sum("Averaged over dive and climb" in line for line in (answer["sentence"], *answer["more"])) == 1
+
+
+def test_the_answer_says_what_a_correction_cannot_be_told_from(petrel):
+    flown = blocks(dives=8, powered_climbs=True)
+    climbs = flown["powered"]
+    flown.loc[climbs, "depth_rate"] *= 0.93  # thrust lost on every climb: 10 % more drag, as well
+    summary, page, _ = build(inputs(Mission(vehicle="petrel-ii", name="thrust"), petrel, flown))
+    drag = summary["fit"]["parameters"][0]
+    assert drag["value"] > 2.0 * drag["std"]
+    rejected = {row["name"]: row for row in summary["fit"]["selection"]["rejected"]}
+    assert abs(rejected["thrust_scale"]["correlation"]) > 0.95
+    assert rejected["thrust_scale"]["why"].startswith("cannot be told apart from ΔK_D0 (correlation +0.9")
+    said = "ΔK_D0 cannot be told apart from Δscale_T, which is held within what is stated: it may be either."
+    assert said in summary["answer"]["more"][-1]
+    assert said in Page(page).words
+
+
 def test_danjiangkou_page_tells_the_papers_story(petrel):
     part = Nominal(name="fixed depth 10 m", net_buoyancy=2.5, propeller_speed_rpm=780.0, pitch_deg=3.5,
                    published_speed=0.62, powered=True)  # fmt: skip
@@ -150,8 +180,8 @@ def test_danjiangkou_page_tells_the_papers_story(petrel):
     assert sentence in words
     for part_of_it in (
         "measured 0.620 ± 0.010 m/s",
-        "predicts 0.615 ± 0.026 m/s, in agreement",
-        "0.789 ± 0.077 m/s at 77°",
+        "predicts 0.615 ± 0.030 m/s, no significant difference (E = −0.5 ± 3.2 cm/s)",
+        "0.789 ± 0.078 m/s at 77°",
     ):
         assert part_of_it in sentence
     assert "this is not exact depth keeping" in words

@@ -71,16 +71,24 @@ def counterpart(fitted: Mapping[str, Any], force: Mapping[str, Any], *, sensor_u
         f"means, {amount(*theirs)} % by the force estimate, which is adjusted to every sample."
     ]
     if out["agree"]:
-        out["sentences"].append("The two agree within their 1σ; either may be taken.")
+        out["sentences"].append("The two differ by less than twice the 1σ of both together; either may be taken.")
         return out
     pulls = [item for item in fitted["borrowed"] if item["name"] in KEPT and abs(item["pull_std"]) > 1.0]
     moved = ", ".join(f"{item['symbol']} by {item['pull_std']:+.1f}σ".replace("-", "−") for item in pulls)
-    out["sentences"].append(
-        "They differ because they borrow differently: this fit lets lift, induced drag and pitch bias move within "
-        f"their 1σ{f' ({moved})' if moved else ''}, the force estimate keeps them as the vehicle file has them and "
-        "lets net buoyancy wander slowly instead. With them kept, and without the prior of the drag, this fit gives "
-        f"{amount(kept['percent'], kept['percent_std'])} %."
+    borrowing = (
+        f"this fit lets lift, induced drag and pitch bias move within their 1σ{f' ({moved})' if moved else ''}, the "
+        "force estimate keeps them as the vehicle file has them and lets net buoyancy wander slowly instead. With them "
+        f"kept, and without the prior of the drag, this fit gives {amount(kept['percent'], kept['percent_std'])} %"
     )
+    explained = abs(kept["percent"] - theirs[0]) <= APART * math.hypot(kept["percent_std"], theirs[1])
+    if not explained:
+        out["sentences"] += [
+            f"They borrow differently, but that is not why they differ: {borrowing}.",
+            "Drag, ballast and thrust share the misfit in one way here and in another there: trust neither better than "
+            "to the difference of the two.",
+        ]
+        return out
+    out["sentences"].append(f"They differ because they borrow differently: {borrowing}.")
     more = " and ".join(name for name in fitted["compared_with"] if name != "depth rates")
     if sensor_used:
         words = "A speed sensor was used by both: what is left of the difference is the shape of the theory."

@@ -16,11 +16,14 @@ import numpy as np
 from pipeline.report.fitting.parameters import AT, BALLAST, LIFT
 from pipeline.report.fitting.points import Array, Points
 from pipeline.report.fitting.regression import Problem, Solution, robust, solve
+from pipeline.report.rounding import signed
 
 #: Above these a pair cannot be told apart, the free set is doubted, and is refused.
 CORRELATION = 0.95
 CONDITION_DOUBTED = 30.0
 CONDITION_REFUSED = 1000.0
+#: What is said of a candidate that these data do not tell from a correction that is free.
+NOT_APART = "cannot be told apart from"
 #: By so much must Schwarz's criterion fall for a further correction: strong evidence (Kass and Raftery 1995).
 EVIDENCE = 6.0
 #: What may be freed beside the first set, in this order where two explain as much.
@@ -101,7 +104,7 @@ def experiment(names: Iterable[str], points: Points) -> str:
     """Return which experiment would separate the corrections `names`, given what these blocks already have."""
     wanted_of = {name.partition(AT)[0] for name in names}
     down, up = (bool((points.direction == side).any()) for side in (-1, 1))
-    propeller = points.powered.any() and not points.powered.all()
+    propeller = any(np.unique(points.powered[points.direction == side]).size > 1 for side in (-1, 0, 1))
     wanted = []
     if {"net_buoyancy", "parasite_drag"} <= wanted_of and not (down and up):
         missing = ("climbs", "dives") if down else ("dives", "climbs")
@@ -139,7 +142,9 @@ def choose(problem: Problem, candidates: Sequence[str] = CANDIDATES) -> Choice |
 
     In each round the candidate goes in that lowers Schwarz's criterion most, if it does by `EVIDENCE`, is told better
     than it was known before, and neither condition index nor a correlation says that it cannot be told apart from
-    what is free already. Where the residuals scatter more than was assumed, the criterion is taken with their scatter.
+    what is free already. Of one that cannot, this is said whatever the criterion: that it changes nothing does not say
+    then that nothing is wrong there. Where the residuals scatter more than was assumed, the criterion is taken with
+    their scatter.
 
     Returns
     -------
@@ -208,19 +213,20 @@ def _trial(problem: Problem, base: Solution, name: str) -> tuple[dict[str, Any],
     worst = int(np.argmax(np.abs(with_others)))
     account["correlation"] = float(with_others[worst])
     account["correlated_with"] = problem.model.correction(free[worst]).symbol
-    if account["delta_bic"] > -EVIDENCE:
-        account["why"] = f"not needed: Schwarz's criterion changes by {account['delta_bic']:+.1f}"
-    elif std > prior:
-        account["why"] = f"told less well, ±{std:.2g} {item.unit}, than it was known before, ±{prior:.2g}"
-    elif abs(account["correlation"]) > CORRELATION:
-        apart = experiment((*free, name), problem.points)
+    apart = experiment((*free, name), problem.points)
+    if abs(account["correlation"]) > CORRELATION:
         account["why"] = (
-            f"cannot be told apart from {account['correlated_with']} "
-            f"(correlation {account['correlation']:+.3f}); {apart}"
+            f"{NOT_APART} {account['correlated_with']} (correlation {signed(account['correlation'], 3)}); {apart}"
         )
     elif account["condition_index"] > CONDITION_DOUBTED:
-        apart = experiment((*free, name), problem.points)
         account["why"] = f"condition index {account['condition_index']:.0f} (limit {CONDITION_DOUBTED:.0f}); {apart}"
+    elif account["delta_bic"] > -EVIDENCE:
+        account["why"] = (
+            f"not needed: Schwarz's criterion changes by {signed(account['delta_bic'])}, evidence is a fall by "
+            f"{EVIDENCE:.0f}"
+        )
+    elif std > prior:
+        account["why"] = f"told less well, ±{std:.2g} {item.unit}, than it was known before, ±{prior:.2g}"
     return account, larger, solution
 
 

@@ -24,20 +24,32 @@ def test_values_within_their_1_sigma_agree(fitted):
     found = counterpart(fitted, force(row["percent_with_prior"] / 100.0, 0.03), sensor_used=False)
     assert found["agree"]
     assert found["fit_percent"] == row["percent_with_prior"]
-    assert found["sentences"][1] == "The two agree within their 1σ; either may be taken."
+    assert found["sentences"][1].startswith("The two differ by less than twice the 1σ of both together")
+
+
+#: A fit that with lift kept gives what the force estimate gives, -30 %.
+EXPLAINED = {"lift_kept": {"percent": -27.0, "percent_std": 2.0}}
 
 
 @pytest.mark.parametrize("sensor", [False, True])
 def test_values_apart_are_explained_by_what_is_borrowed(fitted, sensor):
-    found = counterpart(fitted, force(-0.3, 0.02), sensor_used=sensor)
+    found = counterpart(fitted | EXPLAINED, force(-0.3, 0.02), sensor_used=sensor)
     assert not found["agree"]
-    assert "they borrow differently" in found["sentences"][1]
+    assert found["sentences"][1].startswith("They differ because they borrow differently")
     assert ("a speed sensor, or GPS fixes" in found["sentences"][2]) is not sensor
-    assert found["kept_percent"] == fitted["lift_kept"]["percent"]
+    assert found["kept_percent"] == -27.0
+
+
+@pytest.mark.parametrize("compared", [["depth rates"], ["depth rates", "displacements between fixes"]])
+def test_what_is_borrowed_is_not_the_reason_where_the_same_borrowing_leaves_the_difference(fitted, compared):
+    found = counterpart(fitted | {"compared_with": compared}, force(-0.3, 0.02), sensor_used=False)
+    assert found["kept_percent"] == fitted["lift_kept"]["percent"] > 15.0
+    assert found["sentences"][1].startswith("They borrow differently, but that is not why they differ")
+    assert "trust neither" in found["sentences"][2]
 
 
 def test_a_fit_that_was_held_to_fixes_too_is_the_one_to_trust(fitted):
-    held = fitted | {"compared_with": ["depth rates", "displacements between fixes"]}
+    held = fitted | EXPLAINED | {"compared_with": ["depth rates", "displacements between fixes"]}
     found = counterpart(held, force(-0.3, 0.02), sensor_used=False)
     assert found["sentences"][2].startswith("This fit was also held to displacements between fixes")
     assert "trust this fit" in found["sentences"][2]
