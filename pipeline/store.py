@@ -149,7 +149,10 @@ class TableWriter:
         ]
         self._schema = pa.schema(fields, metadata={**(plain.metadata or {}), **metadata})
         few = [column.name for column in columns if not column.dtype.startswith(("float", "datetime"))]
-        self._writer = pq.ParquetWriter(file, self._schema, compression="zstd", use_dictionary=few)
+        many = [column.name for column in columns if column.dtype.startswith("float")]
+        self._writer = pq.ParquetWriter(
+            file, self._schema, compression="zstd", use_dictionary=few, use_byte_stream_split=many
+        )
 
     def write(self, frame: pd.DataFrame) -> None:
         """Append the rows of `frame`; those of one call are never compressed together with those of the next."""
