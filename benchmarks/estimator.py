@@ -84,16 +84,15 @@ class Glide(NamedTuple):
 
     def by_polar(self) -> Problem:
         """Return the kinematic problem, linear along the trajectory."""
-        return linearise.linearise(self.series, self.vehicle.polar, Settings(), self.at, DEPTH_ALONE)
+        along = linearise.follow(self.series, self.vehicle.polar, self.at)
+        return linearise.linearise(self.series, along, Settings(), DEPTH_ALONE)
 
     def by_force(self) -> Problem:
         """Return the problem of the force model, linear along the trajectory."""
         path = force.path(self.series, self.at.speed, self.at.pitch)
         nothing = np.empty((len(PARAMETERS), 0))
-        problem, _ = force.linearise(
-            self.series, self.inputs, self.craft, Settings(), path, speed=False, columns=nothing
-        )
-        return problem
+        along = force.follow(self.series, self.inputs, self.craft, path, nothing)
+        return force.linearise(self.series, along, Settings(), speed=False)
 
 
 def glide_of(settings: Mission, records: pd.DataFrame) -> Glide:

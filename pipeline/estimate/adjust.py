@@ -27,10 +27,10 @@ from pipeline.estimate.craft import (
     Craft,
     thrust_std,
 )
-from pipeline.estimate.force import Path, linearise, smoothed
+from pipeline.estimate.force import Path, follow, linearise, smoothed
 from pipeline.estimate.forcing import Forcing
 from pipeline.estimate.noise import WATER, Each, levelled, most_probable, moved, noise_from
-from pipeline.estimate.problem import Problem
+from pipeline.estimate.problem import Problem, unconsidered
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.exchange import FLUSHING_BEFORE
@@ -188,7 +188,7 @@ def _equations(
 
     def one(flown: tuple[Stretch, Path]) -> tuple[_Normal, Path]:
         (series, force), at = flown
-        problem, _ = linearise(series, force, craft, settings, at, speed=speed)
+        problem = linearise(series, follow(series, force, craft, at), settings, speed=speed)
         return _normal(problem, series), _smoothed(problem, series, at)
 
     found = list(each(one, zip(stretches, paths, strict=True)))
@@ -251,11 +251,7 @@ def _root(matrix: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(problem: Problem, series: Series, at: Path) -> Path:
-    c = problem.shift.shape[2]
-    plain = problem._replace(
-        shift=np.ascontiguousarray(problem.shift[:, :, :1]), observed_by=np.empty((len(problem.seen), 0))
-    )
-    mean = smoother.solve(plain if c > 1 else problem, whole=False).mean[:, :, 0]
+    mean = smoother.solve(unconsidered(problem), whole=False).mean[:, :, 0]
     return smoothed(series, mean, at, scaled=bool(problem.weight[2, 1]))
 
 
@@ -274,24 +270,21 @@ def _likeliest(
     Where the water is among them, what is open of it goes along, and innovations are made as large as predicted.
     """
     nothing = np.empty((len(PARAMETERS), 0))
+    followed = [
+        (series, follow(series, force, craft, at, nothing))
+        for (series, force), at in zip(stretches, paths, strict=True)
+    ]
 
     def log_likelihood(trial: Settings) -> float:
-        total = 0.0
-        for stretch, at in zip(stretches, paths, strict=True):
-            problem, _ = linearise(stretch.series, stretch.force, craft, trial, at, speed=speed, columns=nothing)
-            total += kalman.log_likelihood(problem)
-        return total
+        return sum(kalman.log_likelihood(linearise(*each, trial, speed=speed)) for each in followed)
 
     median = Settings(sigma_w=WATER, depth_noise=settings.depth_noise)
     settings, open_ = most_probable(settings, median, {name: SEARCHED[name] for name in names}, log_likelihood, each)
     if not open_.size:
         return Noise(settings)
-    series, force, at = *stretches[0], paths[0]
-    settings = levelled(
-        settings,
-        ~(series.manoeuvre | series.afloat),
-        lambda trial: linearise(series, force, craft, trial, at, speed=speed, columns=nothing)[0],
-    )
+    series, along = followed[0]
+    steady = ~(series.manoeuvre | series.afloat)
+    settings = levelled(settings, steady, lambda trial: linearise(series, along, trial, speed=speed))
     return Noise(settings, moved(settings, names, open_))
 
 

@@ -19,11 +19,11 @@ from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIM
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.linearise import ANY_DEPTH, LONGEST, depth_at_start, integrated, measured, pitching
 from pipeline.estimate.noise import fill_left_open
-from pipeline.estimate.problem import Problem, Solution
+from pipeline.estimate.problem import Problem, Solution, unconsidered
 from pipeline.estimate.sensors import Scale, around, scale_found, scale_of, with_rate, with_scale
 from pipeline.estimate.series import PAUSE, Series, increasing
 from pipeline.estimate.settings import Settings
-from pipeline.estimate.trajectory import Flight, Solve, still
+from pipeline.estimate.trajectory import Flight, Solve, step, still
 from pipeline.model.exchange import FLUSHING_BEFORE
 from pipeline.model.forces import disk_thrust, thrust
 from pipeline.vehicle import Disk, Polar, Propeller
@@ -51,6 +51,27 @@ class Path(NamedTuple):
     pitch: np.ndarray
     pitch_rate: np.ndarray
     scale: float = 0.0
+
+
+class Bends(NamedTuple):
+    """How depth follows V and θ along a path, and how long V remembers; each of shape (m,)."""
+
+    by_speed: np.ndarray  # ∂z'/∂V
+    by_pitch: np.ndarray  # ∂z'/∂θ, m/s
+    memory: np.ndarray  # s; NaN where what V was says nothing about what comes after
+
+
+class Along(NamedTuple):
+    """A path, and the model linear along it but for its noise; m instants."""
+
+    at: Path
+    rows: np.ndarray  # (m, 2, 5): of F, for V and depth; what w_w adds to depth is left out
+    shift: np.ndarray  # (m, 2, 1 + c)
+    bends: Bends
+    observed_by: np.ndarray  # (3, c)
+    bias: float  # rad, of pitch
+    doubt: np.ndarray  # (m,): N, of net buoyancy while the engine moves and nobody knows when
+    alphas: np.ndarray  # (m, 3 + c): α, its slopes in V and θ, and its change with each considered column
 
 
 class Flown(NamedTuple):
@@ -96,7 +117,7 @@ def _attack(
 
 
 @njit(cache=True, nogil=True)
-def _fill(
+def _follow(
     polar: Polar,
     propeller: Propeller,
     disk: Disk,
@@ -105,22 +126,17 @@ def _fill(
     values: np.ndarray,
     columns: np.ndarray,
     time: np.ndarray,
-    manoeuvre: np.ndarray,
     afloat: np.ndarray,
     leaping: np.ndarray,
-    drift: np.ndarray,
     force: Forcing,
     at: Path,
-    s: Settings,
-    decay: np.ndarray,
     rows: np.ndarray,
     shift: np.ndarray,
-    noise: np.ndarray,
-    cross: np.ndarray,
+    bends: Bends,
     alphas: np.ndarray,
 ) -> None:
-    """Fill F, shift, Q, and α with its slopes (V, θ, then every column of changes of the parameters) along the path."""
-    m, _ = decay.shape
+    """Fill F, shift, `Bends` and α with its slopes (V, θ, every column of changes of the parameters) along the path."""
+    m = len(rows)
     c = columns.shape[1]
     drag_by, lift_by, induced_by = values[1], values[2], values[3]
     polar = Polar(
@@ -131,7 +147,6 @@ def _fill(
         polar.drag_exponent,
     )
     push = 1.0 + values[8]
-    dt_0, phi_w = -1.0, 1.0
     rate_by, alpha_by = np.zeros(c), np.zeros(c)
     for k in range(m):
         last = k == m - 1
@@ -211,50 +226,22 @@ def _fill(
             alphas[k, 3 + i] = alpha_by[i]
         if last:
             break
-        if dt != dt_0:
-            phi_w, dt_0 = math.exp(-dt / s.tau_w), dt
-        w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
-        d, w, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
-        d[:] = 1.0
-        d[WATER] = phi_w
-        if force.doubt[k] > 0.0:  # the engine moved, nobody knows when
-            d[LOAD] = math.exp(-dt / UNKNOWN)
-            w[LOAD] = force.doubt[k] ** 2 * (1.0 - d[LOAD] ** 2)
-        elif k > 0 and force.doubt[k - 1] > 0.0:
-            d[LOAD], w[LOAD] = 0.0, s.load**2
-        else:
-            d[LOAD] = math.exp(-dt / s.load_time)
-            w[LOAD] = s.load**2 * (1.0 - d[LOAD] ** 2)
-        quick = manoeuvre[k]
-        q_t = drift[k]
+        F, b = rows[k], shift[k]
         tau = -1.0 / rate_v
         phi_v = math.exp(-dt / tau)
         reach = tau * (1.0 - phi_v)  # ∫ of the decay over the step
         farther = tau * (dt - reach)  # and of that
+        F[1, DEPTH] = 1.0
         if afloat[k] or pause > PAUSE or leaping[k] or v + rate * reach < 0.0:
             # afloat, unrecorded, leaping, or pushed to a stop: what V was here says nothing about what comes after
-            phi_v = math.exp(-dt / STOPPING)
-            _, v_var, _, _ = integrated(s.initial_speed, STOPPING, dt, phi_v)
-            F[0, SPEED], F[1, DEPTH], F[1, WATER] = phi_v, 1.0, -w_weight
-            w[SPEED], w[PITCH], w[WATER], w[DEPTH] = v_var, q_t * dt, w_var, w_int + s.heave_drift * dt
-            if pause > PAUSE:
-                w[DEPTH] += (s.initial_speed * dt) ** 2
-            if leaping[k]:
-                w[DEPTH] += ANY_DEPTH**2
-            x[WATER] = -w_cov
+            F[0, SPEED], bends.memory[k] = math.exp(-dt / STOPPING), math.nan
             continue
-        unrest = math.sqrt(0.5 * tau * (s.force_drift_manoeuvre if quick else s.force_drift))
-        _, v_var, v_cov, v_int = integrated(unrest, tau, dt, phi_v)
         z_v = -sine + v * cosine * a_v
         z_t = -v * cosine * (1.0 - a_t)
+        bends.by_speed[k], bends.by_pitch[k], bends.memory[k] = z_v, z_t, tau
         F[0, SPEED], F[0, PITCH] = phi_v, rate_t * reach
         b[0, 0] = v * (1.0 - phi_v) + rate * reach - rate_t * reach * at.pitch[k]
-        F[1, SPEED], F[1, PITCH], F[1, DEPTH], F[1, WATER] = (
-            z_v * reach,
-            z_t * dt + z_v * rate_t * farther,
-            1.0,
-            -w_weight,
-        )
+        F[1, SPEED], F[1, PITCH] = z_v * reach, z_t * dt + z_v * rate_t * farther
         b[1, 0] = -v * sine * dt + z_v * rate * farther - z_v * reach * v - F[1, PITCH] * at.pitch[k]
         load_a = a_n * cos_t
         load_v = sine / inertia + rate_a * load_a
@@ -262,24 +249,60 @@ def _fill(
         for i in range(c):
             b[0, 1 + i] = rate_by[i] * reach
             b[1, 1 + i] = v * cosine * alpha_by[i] * dt + z_v * rate_by[i] * farther
-        w[SPEED], w[PITCH], w[WATER] = v_var, q_t * dt, w_var
+
+
+@njit(cache=True, nogil=True)
+def _fill(
+    time: np.ndarray,
+    manoeuvre: np.ndarray,
+    leaping: np.ndarray,
+    drift: np.ndarray,
+    doubt: np.ndarray,
+    bends: Bends,
+    s: Settings,
+    decay: np.ndarray,
+    rows: np.ndarray,
+    noise: np.ndarray,
+    cross: np.ndarray,
+) -> None:
+    """Fill the diagonal of F, how depth follows w_w, and Q."""
+    dt_0, phi_w, phi_load = -1.0, 1.0, 1.0
+    for k in range(len(decay) - 1):
+        pause = time[k + 1] - time[k]
+        dt = min(max(pause, 1e-3), LONGEST)
+        d, w, x, quick = decay[k], noise[k], cross[k], manoeuvre[k]
+        if dt != dt_0:
+            phi_w, phi_load, dt_0 = math.exp(-dt / s.tau_w), math.exp(-dt / s.load_time), dt
+        w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
+        d[:] = 1.0
+        d[WATER], rows[k, 1, WATER] = phi_w, -w_weight
+        if doubt[k] > 0.0:  # the engine moved, nobody knows when
+            d[LOAD] = math.exp(-dt / UNKNOWN)
+            w[LOAD] = doubt[k] ** 2 * (1.0 - d[LOAD] ** 2)
+        elif k > 0 and doubt[k - 1] > 0.0:
+            d[LOAD], w[LOAD] = 0.0, s.load**2
+        else:
+            d[LOAD], w[LOAD] = phi_load, s.load**2 * (1.0 - phi_load**2)
+        tau, z_v, z_t, q_t = bends.memory[k], bends.by_speed[k], bends.by_pitch[k], drift[k]
+        w[PITCH], w[WATER], x[WATER] = q_t * dt, w_var, -w_cov
+        if math.isnan(tau):
+            _, w[SPEED], _, _ = integrated(s.initial_speed, STOPPING, dt, math.exp(-dt / STOPPING))
+            w[DEPTH] = w_int + s.heave_drift * dt
+            if pause > PAUSE:
+                w[DEPTH] += (s.initial_speed * dt) ** 2
+            if leaping[k]:
+                w[DEPTH] += ANY_DEPTH**2
+            continue
+        unrest = math.sqrt(0.5 * tau * (s.force_drift_manoeuvre if quick else s.force_drift))
+        _, w[SPEED], v_cov, v_int = integrated(unrest, tau, dt, rows[k, 0, SPEED])
         w[DEPTH] = z_v**2 * v_int + z_t**2 * q_t * dt**3 / 3.0 + w_int + s.swell * dt
-        x[SPEED], x[PITCH], x[WATER] = z_v * v_cov, z_t * q_t * dt * dt / 2.0, -w_cov
+        x[SPEED], x[PITCH] = z_v * v_cov, z_t * q_t * dt * dt / 2.0
         if quick:
             w[DEPTH] += s.heave_drift_force * dt
 
 
-def linearise(
-    series: Series,
-    force: Forcing,
-    craft: Craft,
-    settings: Settings,
-    at: Path,
-    *,
-    speed: bool,
-    columns: np.ndarray | None = None,
-) -> tuple[Problem, np.ndarray]:
-    """Return the state-space problem of the force model, linear along `at`, and α with its slopes.
+def follow(series: Series, force: Forcing, craft: Craft, at: Path, columns: np.ndarray | None = None) -> Along:
+    """Return the force model linear along a path, but for its noise.
 
     Parameters
     ----------
@@ -289,33 +312,22 @@ def linearise(
         Inputs, the hull as warm as the water.
     craft
         Coefficients with the present values of the parameters.
-    settings
-        Noise levels.
     at
         Path of V, θ, q.
-    speed
-        Whether the speed sensor is a measurement.
     columns
         Changes of the parameters that are considered, in the parameters' own units, shape (c, k); their present
         1-sigma each if left out.
-
-    Returns
-    -------
-    tuple of Problem, ndarray
-        The problem; α [rad], its slopes in V and θ, and its change with each considered column, shape (m, 3 + k).
     """
-    m, s = series.time.size, settings
-    n, p = LOAD + 1, 3
+    m = series.time.size
     columns = np.diag(craft.std) if columns is None else np.ascontiguousarray(columns)
     c = columns.shape[1]
     force = with_thermal_lag(force, series.time, craft.expansion, craft.value[HULL_TIME], change=craft.value[EXPANSION])
     force = with_carried_water(
         force, series.time, craft.value[CARRIED], FLUSHING_BEFORE * math.exp(craft.value[FLUSHING])
     )
-    decay, rows, shift = np.zeros((m, n)), np.zeros((m, 2, n)), np.zeros((m, 2, 1 + c))
-    noise, cross, alphas = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 3 + c))
-    moving, turning = pitching(series, s)
-    _fill(
+    rows, shift, alphas = np.zeros((m, 2, LOAD + 1)), np.zeros((m, 2, 1 + c)), np.zeros((m, 3 + c))
+    bends, observed_by = Bends(*np.zeros((3, m))), np.zeros((3, c))
+    _follow(
         craft.polar,
         craft.propeller,
         craft.disk,
@@ -324,24 +336,51 @@ def linearise(
         craft.value,
         columns,
         series.time,
-        series.manoeuvre,
         series.afloat,
         series.leaping,
-        moving.drift,
         force,
         at,
-        settings,
-        decay,
         rows,
         shift,
-        noise,
-        cross,
+        bends,
         alphas,
     )
-    observed, variance = measured(series, s, p, speed=speed)
-    observed[:, 1] += craft.value[BIAS]
-    observed_by = np.zeros((p, c))
     observed_by[1] = columns[BIAS]
+    return Along(at, rows, shift, bends, observed_by, float(craft.value[BIAS]), force.doubt, alphas)
+
+
+def linearise(series: Series, along: Along, settings: Settings, *, speed: bool) -> Problem:
+    """Return the state-space problem of the force model, linear along a path.
+
+    Parameters
+    ----------
+    series
+        Measurements and flags, m instants.
+    along
+        The path, as from `follow`.
+    settings
+        Noise levels.
+    speed
+        Whether the speed sensor is a measurement.
+    """
+    m, n, p, s, at = series.time.size, LOAD + 1, 3, settings, along.at
+    decay, noise, cross, rows = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, n)), along.rows.copy()
+    moving, turning = pitching(series, s)
+    _fill(
+        series.time,
+        series.manoeuvre,
+        series.leaping,
+        moving.drift,
+        along.doubt,
+        along.bends,
+        s,
+        decay,
+        rows,
+        noise,
+        cross,
+    )
+    observed, variance = measured(series, s, p, speed=speed)
+    observed[:, 1] += along.bias
     seen, weight = np.zeros((p, 2), dtype=np.int64), np.zeros((p, 2))
     seen[:, 0], weight[:, 0] = (DEPTH, PITCH, SPEED), 1.0
     problem = Problem(
@@ -350,20 +389,20 @@ def linearise(
         decay,
         np.array([SPEED, DEPTH]),
         rows,
-        shift,
+        along.shift,
         noise,
         cross,
         DEPTH,
         seen,
         weight,
         observed,
-        observed_by,
+        along.observed_by,
         variance,
     )
     problem = with_rate(problem, series.time, PITCH, moving.turn, turning, (s.gyro_bias, s.gyro_bias_drift))
-    if speed:
-        problem = with_scale(problem, series.time, np.maximum(at.speed, LEAST), at.scale, s.speed_scale, (2,))
-    return problem, alphas
+    if not speed:
+        return problem
+    return with_scale(problem, series.time, np.maximum(at.speed, LEAST), at.scale, s.speed_scale, (2,))
 
 
 def path(series: Series, speed: np.ndarray, pitch: np.ndarray, scale: float = 0.0) -> Path:
@@ -410,24 +449,29 @@ def solve(
     settings = adjusted.noise.settings
     scaled = speed and settings.speed_scale > 0.0
 
-    def mean_at(settings: Settings, at: Path) -> np.ndarray:
-        nothing = np.empty((len(PARAMETERS), 0))
-        problem, _ = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=nothing)
+    nothing = np.empty((len(PARAMETERS), 0))
+
+    def mean_at(settings: Settings, along: Along) -> np.ndarray:
+        problem = unconsidered(linearise(series, along, settings, speed=speed))
         return solver(problem, whole=False).mean[:, :, 0]
 
+    steps: list[float] = []
     for _ in range(ITERATIONS):
-        new = smoothed(series, mean_at(settings, at), at, scaled=scaled)
-        before, at = at.speed, new
-        if still(series, at.speed, before):
+        along = follow(series, force, adjusted.craft, at, nothing)
+        new = smoothed(series, mean_at(settings, along), at, scaled=scaled)
+        steps.append(step(series, new.speed, at.speed))
+        at = new
+        if still(steps):
             break
-    problem, alphas = linearise(series, force, adjusted.craft, settings, at, speed=speed, columns=adjusted.columns)
+    along = follow(series, force, adjusted.craft, at, adjusted.columns)
+    problem = linearise(series, along, settings, speed=speed)
     solution = solver(problem, room=len(adjusted.noise.moved))
-    fill_left_open(adjusted.noise, solution.mean, lambda moved: mean_at(moved, at))
+    fill_left_open(adjusted.noise, solution.mean, lambda moved: mean_at(moved, along))
     scale = None
     if scaled:
         held = told.nothing(solution.mean.shape[2] - 1)
         scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
-    return Flown(_flight(solution, alphas, unsettled(series, at, settings)), problem, solution, scale)
+    return Flown(_flight(solution, along.alphas, unsettled(series, at, settings)), problem, solution, scale)
 
 
 def unsettled(series: Series, at: Path, settings: Settings) -> np.ndarray:

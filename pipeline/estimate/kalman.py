@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from pipeline.estimate.problem import Problem
+from pipeline.estimate.problem import Problem, unconsidered
 
 #: What an operation may lose of a variance to rounding is added to it, so that covariances stay positive.
 ROUNDING = 4.0 * 2.0**-52
@@ -278,8 +278,7 @@ def predictions(
     m, p = problem.observed.shape
     shape = (-(-m // stride), len(steps), p)
     error, variance = np.full(shape, np.nan), np.full(shape, np.nan)
-    alone = problem._replace(shift=np.ascontiguousarray(problem.shift[:, :, :1]))
-    _ahead(*sizes(problem), alone, np.array(steps), stride, last, error, variance)
+    _ahead(*sizes(problem), unconsidered(problem), np.array(steps), stride, last, error, variance)
     return error, variance
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, linearise
+from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, follow, linearise
 from pipeline.estimate.noise import SEARCHED, Each, fill_left_open, levelled, likeliest, moved, noise_from, rounded
 from pipeline.estimate.problem import Problem, Solution
 from pipeline.estimate.sensors import Scale, scale_found
@@ -100,7 +100,8 @@ def prepare(
     settings, spread = likeliest(series, polar, settings, at, sources.speed, each)
     at = iterate(series, polar, settings, at, sources, solve, ITERATIONS)
     steady = ~(series.manoeuvre | series.afloat)
-    settings = levelled(settings, steady, lambda trial: linearise(series, polar, trial, at, sources))
+    along = follow(series, polar, at)
+    settings = levelled(settings, steady, lambda trial: linearise(series, along, trial, sources))
     names = tuple(SEARCHED)
     noise = Noise(rounded(settings, names), tuple(rounded(each, names) for each in moved(settings, names, spread)))
     return Model(polar, *_considered(vehicle, mission), noise, sources, solve)
@@ -110,7 +111,8 @@ def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
     polar, settings, sources, room = model.polar, model.noise.settings, model.sources, len(model.noise.moved)
     at = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, ITERATIONS)
-    problem = linearise(series, polar, settings, at, sources, model.considered)
+    along = follow(series, polar, at)
+    problem = linearise(series, along, settings, sources, model.considered)
     solution = model.solve(problem, room=room)
     outlying = _outlying(series, settings, solution)
     if outlying.any():
@@ -120,14 +122,15 @@ def solve(series: Series, model: Model) -> Part:
             pitch=np.where(outlying[1], np.nan, series.pitch),
         )
         at = iterate(series, polar, settings, at, sources, model.solve, ITERATIONS)
-        problem = linearise(series, polar, settings, at, sources, model.considered)
+        along = follow(series, polar, at)
+        problem = linearise(series, along, settings, sources, model.considered)
         solution = model.solve(problem, room=room)
     steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
     known = told(problem, steady) if sources.speed else nothing(len(model.names))
     fill_left_open(
         model.noise,
         solution.mean,
-        lambda moved: model.solve(linearise(series, polar, moved, at, sources), whole=False).mean[:, :, 0],
+        lambda moved: model.solve(linearise(series, along, moved, sources), whole=False).mean[:, :, 0],
     )
     known = known.beside(room)
     currents = known.moved(solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2]).T

@@ -88,6 +88,26 @@ class Course(NamedTuple):
     leaping: np.ndarray
 
 
+class Slopes(NamedTuple):
+    """How depth moves along a trajectory, whatever the noise: each of shape (m,)."""
+
+    alpha: np.ndarray  # rad: α of a glide, under power too
+    steady: np.ndarray  # whether there is one
+    by_turn: np.ndarray  # 1/rad: relative change of V per change of pitch
+    turned: np.ndarray  # by how much V changes with pitch until the next instant, relative
+    sine: np.ndarray  # of γ
+    cosine: np.ndarray
+    turn_v: np.ndarray  # ∂γ/∂V, s/m
+    turn_t: np.ndarray  # ∂γ/∂θ; ∂γ/∂δ = −1
+
+
+class Along(NamedTuple):
+    """A trajectory, and what the model linear along it takes from there."""
+
+    at: Trajectory
+    slopes: Slopes
+
+
 class Pitching(NamedTuple):
     """How θ moves from one record to the next, each of shape (m,)."""
 
@@ -146,12 +166,44 @@ def change_of_glide(moved: np.ndarray, known: np.ndarray, speed: float, pitch: f
 
 
 @njit(cache=True, nogil=True)
+def _follow(polar: Polar, course: Course, at: Trajectory, slopes: Slopes) -> None:
+    """Fill `slopes` along the trajectory."""
+    m = at.speed.size
+    drag_0, alpha, by_pitch, before = parasite(polar, 1.0), math.nan, 0.0, 0.0
+    best = best_glides(polar, drag_0)
+    for k in range(m):
+        v, pitch, powered = at.speed[k], at.pitch[k], course.powered[k]
+        if polar.drag_exponent != 0.0:
+            drag_0 = parasite(polar, v)
+            best = best_glides(polar, drag_0)
+        alpha += by_pitch * (pitch - before)
+        alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, pitch, alpha)
+        before = pitch
+        share = 0.0 if powered else 1.0  # under power the closure says only how far α may be from zero
+        gamma = pitch - share * alpha - at.slip[k]
+        sine, cosine = math.sin(gamma), math.cos(gamma)
+        by_turn, followed = 0.5 * cosine / math.copysign(max(abs(sine), 1e-3), sine), 1.0
+        if powered:
+            by_turn, followed = min(max(by_turn, -STEEPEST_DRIVEN), STEEPEST_DRIVEN), FOLLOWED[0]
+        elif steady:
+            drag = drag_0 + polar.induced_drag * alpha**2
+            by_turn = by_turn * (1.0 - by_pitch) - polar.induced_drag * alpha * by_pitch / drag
+            by_turn = min(max(by_turn, -STEEPEST_TURN), STEEPEST_TURN)
+        else:
+            by_turn = 0.0
+        slopes.alpha[k], slopes.steady[k], slopes.by_turn[k] = alpha, steady, by_turn
+        slopes.turned[k] = followed * by_turn * (at.pitch[k + 1] - pitch) if k < m - 1 else 0.0
+        slopes.sine[k], slopes.cosine[k] = sine, cosine
+        slopes.turn_v[k], slopes.turn_t[k] = -share * by_speed, 1.0 - share * by_pitch
+
+
+@njit(cache=True, nogil=True)
 def _fill(
-    polar: Polar,
     moved: np.ndarray,
     course: Course,
     pitching: Pitching,
     at: Trajectory,
+    slopes: Slopes,
     s: Settings,
     decay: np.ndarray,
     rows: np.ndarray,
@@ -162,24 +214,15 @@ def _fill(
     """Fill F, shift and Q along the trajectory; `moved` holds the polars of the considered parameters."""
     m, n = decay.shape
     c = moved.shape[0]
-    drag_0, alpha, by_pitch, before, dt_0 = parasite(polar, 1.0), math.nan, 0.0, 0.0, -1.0
-    best, known = best_glides(polar, drag_0), np.full((c, 2, 7), np.nan)
-    phi_w = 1.0
+    known, dt_0, tau_0 = np.full((c, 2, 7), np.nan), -1.0, -1.0
+    phi_w, phi_s = 1.0, 1.0
     for k in range(m - 1):
         pause = course.time[k + 1] - course.time[k]
         dt = min(max(pause, 1e-3), LONGEST)
         v, pitch, quick, surfaced = at.speed[k], at.pitch[k], course.manoeuvre[k], course.surfaced[k]
         powered, gentle, cruising = course.powered[k], course.gentle[k], course.cruising[k]
-        if polar.drag_exponent != 0.0:
-            drag_0 = parasite(polar, v)
-            best = best_glides(polar, drag_0)
-        alpha += by_pitch * (pitch - before)
-        alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, pitch, alpha)
-        before = pitch
-        share = 0.0 if powered else 1.0  # under power the closure says only how far α may be from zero
-        gamma = pitch - share * alpha - at.slip[k]
-        sine, cosine = math.sin(gamma), math.cos(gamma)
-        turn_v, turn_t = -share * by_speed, 1.0 - share * by_pitch  # ∂γ/∂V, ∂γ/∂θ; ∂γ/∂δ = −1
+        steady, sine, cosine = slopes.steady[k], slopes.sine[k], slopes.cosine[k]
+        turn_v, turn_t = slopes.turn_v[k], slopes.turn_t[k]
         met = course.stratification[k]
         slowing = 0.0 if math.isnan(met) or surfaced or cruising else met
         rate = -v * sine
@@ -189,34 +232,29 @@ def _fill(
             q_v = s.speed_drift_surface
         elif quick:
             q_v = s.speed_drift_gentle if gentle else s.speed_drift_manoeuvre
-        elif math.isnan(course.stratification[k]):
+        elif math.isnan(met):
             q_v = s.speed_drift_blind
         else:
+            turned = slopes.turned[k]
             q_v = s.speed_drift + (s.stratification * v) ** 2 * met
             if powered or not steady:
                 q_v += (0.5 * v) ** 2 * s.pitch_drift * min(cosine**2 / max(sine**2, 1e-3), 25.0)
-                if powered:
-                    by_turn = 0.5 * cosine / math.copysign(max(abs(sine), 1e-3), sine)
-                    by_turn = min(max(by_turn, -STEEPEST_DRIVEN), STEEPEST_DRIVEN)
-                    turned = FOLLOWED[0] * by_turn * (at.pitch[k + 1] - at.pitch[k])
             else:
-                drag = drag_0 + polar.induced_drag * alpha**2
-                by_turn = 0.5 * cosine / sine * (1.0 - by_pitch) - polar.induced_drag * alpha * by_pitch / drag
-                by_turn = min(max(by_turn, -STEEPEST_TURN), STEEPEST_TURN)
-                turned = by_turn * (at.pitch[k + 1] - at.pitch[k])
-                q_v += (s.pitch_share * by_turn * v) ** 2 * s.pitch_drift
+                q_v += (s.pitch_share * slopes.by_turn[k] * v) ** 2 * s.pitch_drift
             q_v *= s.unsteadiness
         q_t = pitching.drift[k]
         sigma_s, tau_s = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
         if powered:
-            sigma_s = max(sigma_s, SPAN * abs(alpha))
+            sigma_s = max(sigma_s, SPAN * abs(slopes.alpha[k]))
             if gentle:
                 tau_s = s.slip_time_powered
         if not steady:
             sigma_s = max(sigma_s, s.slip_manoeuvre)
         if dt != dt_0:
-            phi_w, dt_0 = math.exp(-dt / s.tau_w), dt
-        phi_s = math.exp(-dt / tau_s)
+            phi_w = math.exp(-dt / s.tau_w)
+        if dt != dt_0 or tau_s != tau_0:
+            phi_s = math.exp(-dt / tau_s)
+        dt_0, tau_0 = dt, tau_s
         w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
         s_weight, s_var, s_cov, s_int = integrated(sigma_s, tau_s, dt, phi_s)
         if surfaced:  # afloat, neither flight nor water moves it up and down
@@ -309,15 +347,12 @@ def depth_at_start(series: Series) -> float:
     return float(known[0]) if known.size else 0.0
 
 
-def linearise(
-    series: Series,
-    polar: Polar,
-    settings: Settings,
-    at: Trajectory,
-    sources: Sources,
-    considered: Considered | None = None,
-) -> Problem:
-    """Return the state-space problem of the kinematic model, linear along the trajectory `at`.
+def _course(series: Series) -> Course:
+    return Course(*(getattr(series, name) for name in Course._fields))
+
+
+def follow(series: Series, polar: Polar, at: Trajectory) -> Along:
+    """Return what the kinematic model takes from a trajectory, whatever the noise.
 
     Parameters
     ----------
@@ -325,10 +360,32 @@ def linearise(
         Measurements and flags, m instants.
     polar
         Lift and drag coefficients; only their ratios matter.
-    settings
-        Noise levels.
     at
         Trajectory of V, θ, δ, κ.
+    """
+    m = series.time.size
+    slopes = Slopes(*(np.empty(m, dtype=np.bool_ if name == "steady" else np.float64) for name in Slopes._fields))
+    _follow(polar, _course(series), at, slopes)
+    return Along(at, slopes)
+
+
+def linearise(
+    series: Series,
+    along: Along,
+    settings: Settings,
+    sources: Sources,
+    considered: Considered | None = None,
+) -> Problem:
+    """Return the state-space problem of the kinematic model, linear along a trajectory.
+
+    Parameters
+    ----------
+    series
+        Measurements and flags, m instants.
+    along
+        The trajectory, as from `follow`.
+    settings
+        Noise levels.
     sources
         Whether the speed sensor and the fixes are measurements.
     considered
@@ -340,7 +397,7 @@ def linearise(
         With 6 states, or 10 with fixes, or 11 with powered level flight too; then one for the bias of a gyro, and one,
         the last, for the scale of a speed sensor.
     """
-    m, s = series.time.size, settings
+    m, s, at = series.time.size, settings, along.at
     n, p = (10, 5) if sources.fixes else (6, 3)
     cruises = sources.fixes and bool(series.cruising.any())
     if cruises:
@@ -353,11 +410,11 @@ def linearise(
     noise, cross = np.zeros((m, n)), np.zeros((m, n))
     moving, seen_turning = pitching(series, s)
     _fill(
-        polar,
         moved,
-        Course(*(getattr(series, name) for name in Course._fields)),
+        _course(series),
         moving,
         at,
+        along.slopes,
         settings,
         decay,
         rows,

@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize
 
 from pipeline.estimate import kalman
 from pipeline.estimate.gyro import walks
-from pipeline.estimate.linearise import Sources, Trajectory, linearise
+from pipeline.estimate.linearise import Sources, Trajectory, follow, linearise
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -83,10 +83,10 @@ def likeliest(
     As from `most_probable`, by the kinematic model along the trajectory `at`.
     """
     calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
-    settings = settings._replace(sigma_w=WATER)
+    settings, along = settings._replace(sigma_w=WATER), follow(calm, polar, at)
 
     def log_likelihood(trial: Settings) -> float:
-        return kalman.log_likelihood(linearise(calm, polar, trial, at, Sources(speed, fixes=False)))
+        return kalman.log_likelihood(linearise(calm, along, trial, Sources(speed, fixes=False)))
 
     return most_probable(settings, settings, SEARCHED, log_likelihood, each)
 

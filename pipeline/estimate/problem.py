@@ -82,3 +82,11 @@ def design(problem: Problem) -> np.ndarray:
     for s in range(2):
         np.add.at(full, (np.arange(p), problem.seen[:, s]), problem.weight[:, s])
     return full
+
+
+def unconsidered(problem: Problem) -> Problem:
+    """Return `problem` without its considered parameters."""
+    if problem.shift.shape[2] == 1:
+        return problem
+    shift = np.ascontiguousarray(problem.shift[:, :, :1])
+    return problem._replace(shift=shift, observed_by=np.empty((len(problem.seen), 0)))

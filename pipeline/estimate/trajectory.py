@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.estimate.linearise import (
     Sources,
     Trajectory,
     change_of_glide,
+    follow,
     linearise,
 )
 from pipeline.estimate.problem import Problem, Solution
@@ -32,10 +34,9 @@ from pipeline.vehicle import Polar
 
 #: Bounds within which the model is linearised: V [m/s], θ [rad] and δ [rad].
 SLOWEST, FASTEST, STEEPEST, SLIPPED = 0.02, 4.0, 1.5, 0.3
-#: A trajectory stands still when V moves nowhere below the surface by more than this (m/s) in steady flight, and in
-#: manoeuvres: a tenth of the 1-sigma that V has at best. Each step is some five times smaller than the one before, and
-#: the last solution is one step more.
-STILL, STILL_MANOEUVRE = 1e-3, 5e-3
+#: A trajectory stands still when the next step would move V nowhere below the surface by more than this (m/s) in steady
+#: flight, and in manoeuvres: a fifth of the 1-sigma that V has at best. The last solution is that step.
+STILL, STILL_MANOEUVRE = 2e-3, 1e-2
 
 
 class Solve(Protocol):
@@ -87,27 +88,41 @@ def iterate(
     times: int,
 ) -> Trajectory:
     """Return the trajectory, linearised along and solved for until it stands still, at most so many times."""
+    steps: list[float] = []
     for _ in range(times):
-        mean = solve(linearise(series, polar, settings, at, sources), whole=False).mean[:, :, 0]
+        mean = solve(linearise(series, follow(series, polar, at), settings, sources), whole=False).mean[:, :, 0]
         speed = mean[:, SPEED]
         if sources.fixes and series.cruising.any():
             speed = np.where(series.cruising, mean[:, CRUISE], speed)
         speed = np.clip(speed, SLOWEST, FASTEST)
-        stands = still(series, speed, at.speed)
+        steps.append(step(series, speed, at.speed))
         pitch, slip = np.clip(mean[:, PITCH], -STEEPEST, STEEPEST), np.clip(mean[:, SLIP], -SLIPPED, SLIPPED)
         scale = 0.0
         if sources.speed and settings.speed_scale > 0.0:
             scale = around(scale_of(mean[:, -1], at.speed, at.scale), np.isfinite(series.speed))
         at = Trajectory(speed, pitch, slip, np.clip(mean[:, RESPONSE], -1.0, 1.0), scale)
-        if stands:
+        if still(steps):
             break
     return at
 
 
-def still(series: Series, speed: np.ndarray, before: np.ndarray) -> bool:
-    """Return whether V, m/s, shape (m,), is where it was `before`; afloat it means nothing."""
+def step(series: Series, speed: np.ndarray, before: np.ndarray) -> float:
+    """Return how far V, m/s, shape (m,), is from where it was `before`, at most, as a share of what standing still is.
+
+    Afloat it means nothing.
+    """
     most = np.where(series.manoeuvre, STILL_MANOEUVRE, STILL)
-    return bool(np.all((np.abs(speed - before) <= most) | series.afloat))
+    return float(np.max(np.abs(speed - before) / most, initial=0.0, where=~series.afloat))
+
+
+def still(steps: Sequence[float]) -> bool:
+    """Return whether the step after the last of `steps` would be within what standing still is.
+
+    It shrinks as the last one did, if that did, or faster: linear models along a trajectory are Newton's steps.
+    """
+    *before, last = steps
+    shrinking = min(last / before[-1], 1.0) if before else 1.0
+    return last * shrinking <= 1.0
 
 
 def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:

@@ -185,7 +185,7 @@ def test_water_that_the_fairing_carries_is_found_with_the_time_in_which_it_is_re
     blind = arrays.series(time, pitch)
     at = force.path(blind, np.full(time.size, 0.4), pitch)
     for _ in range(8):
-        problem, _ = force.linearise(blind, inputs, truth, Settings(), at, speed=False)
+        problem = force.linearise(blind, force.follow(blind, inputs, truth, at), Settings(), speed=False)
         mean = smoother.solve(problem, whole=False).mean[:, :, 0]
         at = force.path(blind, mean[:, force.SPEED], pitch)
     noise = np.random.default_rng(5).normal(0.0, [[0.03], [np.radians(0.1)]], (2, time.size))

@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 from pipeline import vehicle
 from pipeline.estimate import force, reference, smoother
 from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
-from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, linearise
+from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, follow, linearise
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
+from pipeline.estimate.problem import Problem
+from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
 from pipeline.model.exchange import FLUSHING_BEFORE, lagged
@@ -28,12 +30,18 @@ PETREL = vehicle.load("petrel-ii")
 STEADY = Settings()
 
 
+def linear(series: Series, given: Forcing, craft: Craft, at: Path) -> tuple[Problem, np.ndarray]:
+    """Return the problem of the force model along a path, and α with its slopes."""
+    along = follow(series, given, craft, at)
+    return linearise(series, along, STEADY, speed=False), along.alphas
+
+
 def marched(craft: Craft, given: Forcing, time: np.ndarray, pitch: np.ndarray, start: float) -> tuple[np.ndarray, ...]:
     """Return V, z and α that the force model foretells along `pitch` without measuring anything, shape (m,) each."""
     at = Path(np.full(time.size, start), pitch, np.zeros(time.size))
     flown = arrays.series(time, pitch)
     for _ in range(60):
-        problem, alphas = linearise(flown, given, craft, STEADY, at, speed=False)
+        problem, alphas = linear(flown, given, craft, at)
         x, z = np.empty(time.size), np.empty(time.size)
         x[0], z[0] = start, 0.0
         state = np.zeros(LOAD + 1)
@@ -150,7 +158,7 @@ def test_every_slope_is_that_of_a_plain_second_writing(
     given = arrays.inputs(2, newton, 1031.0, turns, by_compression=-3e9, by_expansion=-5e3)
     dt = 1.5
     at = Path(np.full(2, v), np.full(2, pitch), np.full(2, q))
-    problem, alphas = linearise(arrays.series(np.array([0.0, dt]), pitch), given, craft, STEADY, at, speed=False)
+    problem, alphas = linear(arrays.series(np.array([0.0, dt]), pitch), given, craft, at)
 
     def slopes(change: str) -> tuple[float, float]:
         step = STEP.get(change, 1e-5)
@@ -210,7 +218,7 @@ class Stepped(NamedTuple):
         """Return α of the lift balance along `path`, shape (m,), at the constant net buoyancy of the step."""
         given = arrays.inputs(self.time.size, self.newton, PETREL["reference_density"])
         series = arrays.series(self.time, path.pitch)
-        _, alphas = linearise(series, given, arrays.craft(PETREL), STEADY, path, speed=False)
+        _, alphas = linear(series, given, arrays.craft(PETREL), path)
         return alphas[:, 0]
 
 
@@ -313,7 +321,7 @@ def test_upside_down_it_is_the_same_model(
         craft = arrays.craft(PETREL, lift_at_zero=side * lift_at_zero)
         at = Path(np.full(3, v), np.full(3, side * pitch), np.full(3, side * q))
         given = arrays.inputs(3, side * newton, 1025.0, turns)
-        found.append(linearise(arrays.series(time, side * pitch), given, craft, STEADY, at, speed=False))
+        found.append(linear(arrays.series(time, side * pitch), given, craft, at))
     (up, alpha_up), (down, alpha_down) = found
     flip = np.array([1.0, -1.0, -1.0, -1.0, -1.0])  # V stays; θ, z, w_w and the load change sign
     mirrored = np.array([-1.0 if name in ("lift_at_zero", "net_buoyancy") else 1.0 for name in PARAMETERS])
@@ -429,8 +437,8 @@ def test_a_changed_expansion_acts_on_the_warmth_of_the_hull_alone() -> None:
     same = arrays.inputs(time.size, 0.0, 1025.0)._replace(net_buoyancy=-5.0 + (craft.expansion + 3e-5) * late)
     at = Path(np.full(time.size, 0.4), np.full(time.size, -0.4), np.zeros(time.size))
     flown = arrays.series(time, -0.4)
-    one, _ = linearise(flown, given, craft, STEADY, at, speed=False)
-    other, _ = linearise(flown, same, arrays.craft(PETREL), STEADY, at, speed=False)
+    one, _ = linear(flown, given, craft, at)
+    other, _ = linear(flown, same, arrays.craft(PETREL), at)
     # buoyancy is the mean over a step, the part of the changed coefficient that at its beginning
     np.testing.assert_allclose(one.shift[:-1, 0, 0], other.shift[:-1, 0, 0], atol=3e-4)
     settled = (time > 1.0) & ((time < 195.0) | (time > 595.0))
@@ -466,7 +474,7 @@ def test_the_flight_with_carried_water_is_that_with_the_force_it_makes_and_its_s
 
     def ahead(craft: Craft, inputs: Forcing) -> tuple[np.ndarray, np.ndarray]:
         """Return V and z one step on, and the columns of the parameters."""
-        problem, _ = linearise(flown, inputs, craft, STEADY, at, speed=False)
+        problem, _ = linear(flown, inputs, craft, at)
         return (problem.rows @ state + problem.shift[:, :, 0])[:-1], problem.shift[:-1, :, 1:]
 
     share, folds = 0.3, 0.4
@@ -489,13 +497,11 @@ def test_the_flight_with_carried_water_is_that_with_the_force_it_makes_and_its_s
 
 def test_stalled_or_hardly_moving_it_asks_nothing_of_the_lift_balance() -> None:
     slow = Path(np.full(2, 0.03), np.full(2, -0.4), np.zeros(2))
-    problem, alphas = linearise(
+    problem, alphas = linear(
         arrays.series(np.array([0.0, 4.0]), -0.4),
         arrays.inputs(2, -9.0, 1025.0),
         arrays.craft(PETREL),
-        STEADY,
         slow,
-        speed=False,
     )
     assert np.all(np.abs(alphas[:, 0]) <= force.STALLED)
     assert not alphas[:, 1:3].any()
@@ -505,13 +511,11 @@ def test_stalled_or_hardly_moving_it_asks_nothing_of_the_lift_balance() -> None:
 
 def test_flow_is_separated_beyond_the_bound_whatever_the_polar() -> None:
     weak = replace(PETREL).with_values({"lift_slope": 5.0}, "weak")
-    _, alphas = linearise(
+    _, alphas = linear(
         arrays.series(np.array([0.0, 4.0]), 0.2),
         arrays.inputs(2, 9.0, 1025.0),
         arrays.craft(weak),
-        STEADY,
         Path(np.full(2, 0.3), np.full(2, 0.2), np.zeros(2)),
-        speed=False,
     )
     assert alphas[0, 0] == pytest.approx(-force.STALLED)
     assert isinstance(weak.polar, Polar)

@@ -11,7 +11,7 @@ from dives import fly
 from truth import Trial
 
 from pipeline.estimate import stage
-from pipeline.estimate.linearise import FOLLOWED, SPEED, Considered, Sources, Trajectory, linearise
+from pipeline.estimate.linearise import FOLLOWED, SPEED, Considered, Sources, Trajectory, follow, linearise
 from pipeline.estimate.settings import Settings
 from pipeline.mission import Mission
 from pipeline.model.steady import trim_at_pitch
@@ -280,8 +280,8 @@ def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> Non
     unknown = Considered(0.0, np.empty((0, 2, 5)))
     still = replace(arrays.series(time, pitch), stratification=np.zeros(time.size))
     gliding, driven = (
-        linearise(replace(still, powered=np.full(time.size, on)), polar, Settings(), at, Sources(False, False), unknown)
-        for on in (False, True)
+        linearise(series, follow(series, polar, at), Settings(), Sources(False, False), unknown)
+        for series in (replace(still, powered=np.full(time.size, on)) for on in (False, True))
     )
     assert not gliding.shift[:, :, 2].any()
     gained = 0.5 * np.diff(pitch) / np.tan(pitch[:-1])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
-from pipeline.estimate.linearise import Sources, linearise
+from pipeline.estimate.linearise import Sources, follow, linearise
 from pipeline.estimate.noise import covariance, fill_left_open, levelled, moved
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
@@ -105,10 +105,10 @@ def test_wherever_the_noise_of_depth_and_pitch_starts_innovations_come_out_as_la
         pitch_noise=here.pitch_noise * pitch_by,
         pitch_drift=here.pitch_drift * pitch_by**2,
     )
-    steady = ~(series.manoeuvre | series.afloat)
+    steady, along = ~(series.manoeuvre | series.afloat), follow(series, polar, at)
 
     def problem_of(settings: Settings) -> Problem:
-        return linearise(series, polar, settings, at, sources)
+        return linearise(series, along, settings, sources)
 
     found = levelled(wrong, steady, problem_of)
     np.testing.assert_allclose(innovation_sizes(problem_of(found), steady), 1.0, rtol=0.02)
@@ -120,10 +120,10 @@ def test_too_few_innovations_leave_the_noise_as_it_was() -> None:
     flown = dives.fly(5, dives=((25.0, 4.0, 150.0),))
     series = from_records(flown.records)
     polar, here, sources = flown.vehicle.polar, Settings(), Sources(speed=False, fixes=False)
-    at = first_guess(series, polar)
+    along = follow(series, polar, first_guess(series, polar))
     nowhere = np.zeros(series.time.size, dtype=bool)
     np.testing.assert_allclose(
-        levelled(here, nowhere, lambda settings: linearise(series, polar, settings, at, sources)), here, rtol=1e-12
+        levelled(here, nowhere, lambda settings: linearise(series, along, settings, sources)), here, rtol=1e-12
     )
 
 
