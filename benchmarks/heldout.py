@@ -272,7 +272,7 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
         table = predicted(split.measured, prepared)
         tables = {"predicted": table}
         if name in ("comet", "sg171"):
-            tables["estimated"] = of_method(part.solve(split.measured, prepared).estimates, "force")
+            tables["estimated"] = of_method(pd.concat(part.solve(split.measured, prepared).estimates), "force")
         for how, one in tables.items():
             for what, score in speeds(name, data, one).items():
                 print(f"    {what}, {how}: {in_words(score)}")

@@ -233,9 +233,8 @@ def of_method(estimates: pd.DataFrame, method: str) -> pd.DataFrame:
 
 
 def seconds(time: pd.Series) -> np.ndarray:
-    """Return the column `time` as float seconds since 1970-01-01 UTC, shape (n,)."""
-    stamps = pd.DatetimeIndex(time).as_unit("ns").asi8
-    return np.asarray(stamps // 10**9 + (stamps % 10**9) / 1e9)
+    """Return the column `time`, of microsecond resolution, as float seconds since 1970-01-01 UTC, shape (n,)."""
+    return np.asarray(pd.DatetimeIndex(time).as_unit("us").asi8 / 1e6)
 
 
 def microseconds(posix: np.ndarray) -> np.ndarray:

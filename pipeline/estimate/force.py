@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.estimate import told
-from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIME, PARAMETERS, Adjusted, Craft
+from pipeline.estimate.craft import BIAS, CARRIED, EXPANSION, FLUSHING, HULL_TIME, PARAMETERS, THRUST, Adjusted, Craft
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.linearise import ANY_DEPTH, LONGEST, depth_at_start, integrated, measured, pitching
 from pipeline.estimate.noise import fill_left_open
@@ -463,7 +463,7 @@ def solve(
         at = new
         if still(steps):
             break
-    along = follow(series, force, adjusted.craft, at, adjusted.columns)
+    along = follow(series, force, adjusted.craft, at, _left_open(adjusted, force))
     problem = linearise(series, along, settings, speed=speed)
     solution = solver(problem, room=len(adjusted.noise.moved))
     fill_left_open(adjusted.noise, solution.mean, lambda moved: mean_at(moved, along))
@@ -472,6 +472,16 @@ def solve(
         held = told.nothing(solution.mean.shape[2] - 1)
         scale = scale_found(series, solution, np.maximum(at.speed, LEAST), at.scale, held)
     return Flown(_flight(solution, along.alphas, unsettled(series, at, settings)), problem, solution, scale)
+
+
+def _left_open(adjusted: Adjusted, force: Forcing) -> np.ndarray:
+    """Return the columns of what is left open, shape (c, k), but for that of parameters that nothing depends on."""
+    columns = adjusted.columns.copy()
+    if not force.driven:
+        columns[THRUST] = 0.0
+    if adjusted.craft.value[CARRIED] == 0.0:
+        columns[FLUSHING] = 0.0
+    return np.asarray(columns[:, columns.any(axis=0)])
 
 
 def unsettled(series: Series, at: Path, settings: Settings) -> np.ndarray:

@@ -22,7 +22,7 @@ import numpy as np
 
 from pipeline.estimate.linearise import CURRENT_EAST, DEPTH, PITCH, Considered, Sources, follow, linearise
 from pipeline.estimate.noise import SEARCHED, Each, fill_left_open, levelled, likeliest, moved, noise_from, rounded
-from pipeline.estimate.problem import Problem, Solution
+from pipeline.estimate.problem import Problem, Solution, unconsidered
 from pipeline.estimate.sensors import Scale, scale_found
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
@@ -111,8 +111,8 @@ def solve(series: Series, model: Model) -> Part:
     """Return a stretch of the mission solved: iterated, outliers left out, with what the borrowed leaves open."""
     polar, settings, sources, room = model.polar, model.noise.settings, model.sources, len(model.noise.moved)
     at = iterate(series, polar, settings, first_guess(series, polar), sources, model.solve, ITERATIONS)
-    along = follow(series, polar, at)
-    problem = linearise(series, along, settings, sources, model.considered)
+    along = follow(series, polar, at, model.considered)
+    problem = linearise(series, along, settings, sources)
     solution = model.solve(problem, room=room)
     outlying = _outlying(series, settings, solution)
     if outlying.any():
@@ -122,20 +122,20 @@ def solve(series: Series, model: Model) -> Part:
             pitch=np.where(outlying[1], np.nan, series.pitch),
         )
         at = iterate(series, polar, settings, at, sources, model.solve, ITERATIONS)
-        along = follow(series, polar, at)
-        problem = linearise(series, along, settings, sources, model.considered)
+        along = follow(series, polar, at, model.considered)
+        problem = linearise(series, along, settings, sources)
         solution = model.solve(problem, room=room)
     steady = ~(series.manoeuvre | series.afloat)  # what a manoeuvre leaves would be taken for lift and drag
     known = told(problem, steady) if sources.speed else nothing(len(model.names))
     fill_left_open(
         model.noise,
         solution.mean,
-        lambda moved: model.solve(linearise(series, along, moved, sources), whole=False).mean[:, :, 0],
+        lambda moved: model.solve(unconsidered(linearise(series, along, moved, sources)), whole=False).mean[:, :, 0],
     )
     known = known.beside(room)
     currents = known.moved(solution.mean[:, CURRENT_EAST : CURRENT_EAST + 2]).T
     return Part(
-        flight(series, polar, solution, model.considered, known),
+        flight(series, polar, solution, along.changes, known),
         series,
         currents if sources.fixes else np.full((2, series.time.size), np.nan),
         scale_found(series, solution, at.speed, at.scale, known) if sources.speed and settings.speed_scale else None,

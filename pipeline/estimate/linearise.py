@@ -106,6 +106,8 @@ class Along(NamedTuple):
 
     at: Trajectory
     slopes: Slopes
+    considered: Considered | None
+    changes: np.ndarray  # (m, c - 2): rad, of a glide's α per 1-sigma of each coefficient; 0 under power
 
 
 class Pitching(NamedTuple):
@@ -166,9 +168,12 @@ def change_of_glide(moved: np.ndarray, known: np.ndarray, speed: float, pitch: f
 
 
 @njit(cache=True, nogil=True)
-def _follow(polar: Polar, course: Course, at: Trajectory, slopes: Slopes) -> None:
-    """Fill `slopes` along the trajectory."""
-    m = at.speed.size
+def _follow(
+    polar: Polar, moved: np.ndarray, course: Course, at: Trajectory, slopes: Slopes, changes: np.ndarray
+) -> None:
+    """Fill `slopes` along the trajectory, and `changes` by the polars `moved` of the considered parameters."""
+    m, c = changes.shape
+    known = np.full((c, 2, 7), np.nan)
     drag_0, alpha, by_pitch, before = parasite(polar, 1.0), math.nan, 0.0, 0.0
     best = best_glides(polar, drag_0)
     for k in range(m):
@@ -195,15 +200,17 @@ def _follow(polar: Polar, course: Course, at: Trajectory, slopes: Slopes) -> Non
         slopes.turned[k] = followed * by_turn * (at.pitch[k + 1] - pitch) if k < m - 1 else 0.0
         slopes.sine[k], slopes.cosine[k] = sine, cosine
         slopes.turn_v[k], slopes.turn_t[k] = -share * by_speed, 1.0 - share * by_pitch
+        for i in range(c):
+            changes[k, i] = 0.0 if powered else change_of_glide(moved[i], known[i], v, pitch)
 
 
 @njit(cache=True, nogil=True)
 def _fill(
-    moved: np.ndarray,
     course: Course,
     pitching: Pitching,
     at: Trajectory,
     slopes: Slopes,
+    changes: np.ndarray,
     s: Settings,
     decay: np.ndarray,
     rows: np.ndarray,
@@ -211,10 +218,10 @@ def _fill(
     noise: np.ndarray,
     cross: np.ndarray,
 ) -> None:
-    """Fill F, shift and Q along the trajectory; `moved` holds the polars of the considered parameters."""
+    """Fill F, shift and Q along the trajectory."""
     m, n = decay.shape
-    c = moved.shape[0]
-    known, dt_0, tau_0 = np.full((c, 2, 7), np.nan), -1.0, -1.0
+    c = changes.shape[1]
+    dt_0, tau_0 = -1.0, -1.0
     phi_w, phi_s = 1.0, 1.0
     for k in range(m - 1):
         pause = course.time[k + 1] - course.time[k]
@@ -304,11 +311,10 @@ def _fill(
                 q[SPEED] = s.speed_drift_manoeuvre * dt
         if not powered and not surfaced:
             for i in range(c):
-                change = change_of_glide(moved[i], known[i], v, pitch)
-                b[0, 2 + i] = v * cosine * change * dt
+                b[0, 2 + i] = v * cosine * changes[k, i] * dt
                 if n > EAST:
-                    b[2, 2 + i] = along[0] * v * sine * change * dt
-                    b[3, 2 + i] = along[1] * v * sine * change * dt
+                    b[2, 2 + i] = along[0] * v * sine * changes[k, i] * dt
+                    b[3, 2 + i] = along[1] * v * sine * changes[k, i] * dt
 
 
 def pitching(series: Series, settings: Settings) -> tuple[Pitching, np.ndarray]:
@@ -351,7 +357,7 @@ def _course(series: Series) -> Course:
     return Course(*(getattr(series, name) for name in Course._fields))
 
 
-def follow(series: Series, polar: Polar, at: Trajectory) -> Along:
+def follow(series: Series, polar: Polar, at: Trajectory, considered: Considered | None = None) -> Along:
     """Return what the kinematic model takes from a trajectory, whatever the noise.
 
     Parameters
@@ -362,11 +368,14 @@ def follow(series: Series, polar: Polar, at: Trajectory) -> Along:
         Lift and drag coefficients; only their ratios matter.
     at
         Trajectory of V, θ, δ, κ.
+    considered
+        What is not exactly known; nothing if left out.
     """
-    m = series.time.size
+    m, moved = series.time.size, considered.polars if considered else np.empty((0, 2, 5))
+    changes = np.empty((m, len(moved)))
     slopes = Slopes(*(np.empty(m, dtype=np.bool_ if name == "steady" else np.float64) for name in Slopes._fields))
-    _follow(polar, _course(series), at, slopes)
-    return Along(at, slopes)
+    _follow(polar, moved, _course(series), at, slopes, changes)
+    return Along(at, slopes, considered, changes)
 
 
 def linearise(
@@ -374,7 +383,6 @@ def linearise(
     along: Along,
     settings: Settings,
     sources: Sources,
-    considered: Considered | None = None,
 ) -> Problem:
     """Return the state-space problem of the kinematic model, linear along a trajectory.
 
@@ -388,8 +396,6 @@ def linearise(
         Noise levels.
     sources
         Whether the speed sensor and the fixes are measurements.
-    considered
-        What is not exactly known; nothing if left out.
 
     Returns
     -------
@@ -402,19 +408,19 @@ def linearise(
     cruises = sources.fixes and bool(series.cruising.any())
     if cruises:
         n, p = 11, 6 + sources.speed
-    moved = considered.polars if considered else np.empty((0, 2, 5))
-    c = 2 + len(moved) if considered else 0
+    considered = along.considered
+    c = 2 + len(considered.polars) if considered else 0
     coupled = np.array([DEPTH, SPEED, EAST, NORTH] if sources.fixes else [DEPTH, SPEED])
     r = coupled.size
     decay, rows, shift = np.zeros((m, n)), np.zeros((m, r, n)), np.zeros((m, r, 1 + c))
     noise, cross = np.zeros((m, n)), np.zeros((m, n))
     moving, seen_turning = pitching(series, s)
     _fill(
-        moved,
         _course(series),
         moving,
         at,
         along.slopes,
+        along.changes,
         settings,
         decay,
         rows,

@@ -27,7 +27,7 @@ NAMES = ("speed", "pitch", "angle_of_attack", "path_angle", "vertical_water_velo
 class Part(NamedTuple):
     """What one part of a mission adds to the whole."""
 
-    estimates: pd.DataFrame
+    estimates: list[pd.DataFrame]  # one table of each method
     blocks: pd.DataFrame
     engine: bool  # whether the volume of the buoyancy engine is known
     tallies: dict[str, Tally]
@@ -96,7 +96,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
         tables.append(_blank(records, "force", missing))
         reasons["force"], observable["force"] = {missing: len(records)}, (0, len(records))
     return Part(
-        pd.concat(tables, ignore_index=True),
+        tables,
         means(records, tables[0], prepared.vehicle, mission, prepared.body),
         bool(records["buoyancy_volume"].notna().any()),
         tallies,

@@ -146,7 +146,7 @@ def stream(
     source
         Canonical records.
     take
-        Called with the canonical estimates of each part, in order.
+        Called with the canonical estimates of each part by each method, in order.
     vehicle, mission, constants, engine, methods, threads
         As in `estimate`.
     """
@@ -164,8 +164,9 @@ def stream(
     stretches.clear()
     parts: list[Part] = []
     for part in solved((source.read(first, last) for first, last in bounds), prepared, threads=threads):
-        take(part.estimates)
-        parts.append(part._replace(estimates=pd.DataFrame()))
+        for table in part.estimates:
+            take(table)
+        parts.append(part._replace(estimates=[]))
     return Summary(pd.concat([part.blocks for part in parts], ignore_index=True), *account(parts, prepared))
 
 

@@ -17,10 +17,8 @@ from pipeline.estimate.linearise import (
     SLIP,
     SPEED,
     WATER,
-    Considered,
     Sources,
     Trajectory,
-    change_of_glide,
     follow,
     linearise,
 )
@@ -125,15 +123,17 @@ def still(steps: Sequence[float]) -> bool:
     return last * shrinking <= 1.0
 
 
-def flight(series: Series, polar: Polar, solution: Solution, considered: Considered, told: Told) -> Flight:
+def flight(series: Series, polar: Polar, solution: Solution, changes: np.ndarray, told: Told) -> Flight:
     """Return the flight that smoothed states describe, with what the states and the borrowed leave open.
 
     Parameters
     ----------
     series
         Flags, m instants.
-    polar, solution, considered
+    polar, solution
         What was solved, and for what.
+    changes
+        Of a glide's α, as in `linearise.Along`.
     told
         What is known of the borrowed.
     """
@@ -143,7 +143,7 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
     cruising = series.cruising & (n > CRUISE)
     _describe(
         polar,
-        considered.polars,
+        changes,
         told,
         series.powered,
         cruising,
@@ -161,7 +161,7 @@ def flight(series: Series, polar: Polar, solution: Solution, considered: Conside
 @njit(cache=True, nogil=True)
 def _describe(
     polar: Polar,
-    moved: np.ndarray,
+    changes: np.ndarray,
     told: Told,
     powered: np.ndarray,
     cruising: np.ndarray,
@@ -175,7 +175,7 @@ def _describe(
 ) -> None:
     """Fill what `Flight` holds; α = glide(V, θ) + δ, γ = θ − α, linear in the states around them."""
     m, _, columns = mean.shape
-    change, known = np.empty((6, columns - 1)), np.full((len(moved), 2, 7), np.nan)
+    change, c = np.empty((6, columns - 1)), changes.shape[1]
     drag_0, glide, by_pitch, before = parasite(polar, 1.0), math.nan, 0.0, 0.0
     best = best_glides(polar, drag_0)
     for k in range(m):
@@ -201,9 +201,7 @@ def _describe(
         std[3, k] = P[PITCH, PITCH] + var_alpha - 2.0 * across
         std[4, k], std[5, k] = P[WATER, WATER], P[DEPTH, DEPTH]
         for q in range(columns - 1):
-            direct = 0.0
-            if 0 < q < 1 + len(moved) and not powered[k]:
-                direct = change_of_glide(moved[q - 1], known[q - 1], speed, pitch)
+            direct = changes[k, q - 1] if 0 < q < 1 + c else 0.0
             change[0, q], change[1, q] = x[source, 1 + q], x[PITCH, 1 + q]
             change[2, q] = a * x[source, 1 + q] + b * x[PITCH, 1 + q] + x[SLIP, 1 + q] + direct
             change[3, q], change[4, q] = change[1, q] - change[2, q], x[WATER, 1 + q]

@@ -280,7 +280,7 @@ def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> Non
     unknown = Considered(0.0, np.empty((0, 2, 5)))
     still = replace(arrays.series(time, pitch), stratification=np.zeros(time.size))
     gliding, driven = (
-        linearise(series, follow(series, polar, at), Settings(), Sources(False, False), unknown)
+        linearise(series, follow(series, polar, at, unknown), Settings(), Sources(False, False))
         for series in (replace(still, powered=np.full(time.size, on)) for on in (False, True))
     )
     assert not gliding.shift[:, :, 2].any()

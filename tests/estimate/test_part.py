@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from dives import Flown
 
-from pipeline.estimate.linearise import PITCH, SLIP, SPEED, Considered
+from pipeline.estimate.linearise import PITCH, SLIP, SPEED
 from pipeline.estimate.preparation import METHODS
 from pipeline.estimate.stage import Estimated
 from pipeline.estimate.told import nothing
@@ -83,7 +83,7 @@ def test_it_is_beyond_where_it_is_a_fifth_more_than_a_glides(side: float, most: 
     covariance = np.broadcast_to(1e-6 * np.eye(6), (time.size, 6, 6)).copy()
     series = replace(arrays.series(time, side * 0.4), powered=np.ones(time.size, dtype=bool))
     solution = SimpleNamespace(mean=mean, covariance=covariance)
-    found = flight(series, polar, solution, Considered(0.0, np.empty((0, 2, 5))), nothing(0))  # type: ignore[arg-type]
+    found = flight(series, polar, solution, np.empty((time.size, 0)), nothing(0))  # type: ignore[arg-type]
     assert set(found.beyond) == {most > 1.2}
     gliding = replace(series, powered=np.zeros(time.size, dtype=bool))
-    assert not flight(gliding, polar, solution, Considered(0.0, np.empty((0, 2, 5))), nothing(0)).beyond.any()  # type: ignore[arg-type]
+    assert not flight(gliding, polar, solution, np.empty((time.size, 0)), nothing(0)).beyond.any()  # type: ignore[arg-type]
