@@ -111,7 +111,7 @@ def ingest(mission: Mission) -> Ingested:
     Raises
     ------
     InputError
-        If there is nothing to analyse: no logs, no pitch, no pressure, an impossible unit.
+        If there is nothing to analyse: no logs, no pitch, no pressure, not both at a time, an impossible unit.
     """
     import numpy as np
 
@@ -132,6 +132,7 @@ def ingest(mission: Mission) -> Ingested:
     streams, doubts = quality.checked(streams)
     findings += doubts
     quality.require(streams, lost=findings)
+    findings += clock.overlapping(streams)
     findings += quality.surface_offset(streams)
     streams, doubts = fixes.checked(streams)
     findings += doubts

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pipeline.findings import Finding
+from pipeline.findings import Finding, InputError
 from pipeline.records import microseconds
 
 Array = npt.NDArray[np.float64]
@@ -94,6 +94,67 @@ def shifted(streams: list[pd.DataFrame], offset: float) -> tuple[list[pd.DataFra
         out.append(later)
         moved.append(name)
     return out, [Finding("note", "mission.yaml", "clock_offset", f"{offset:+g} s on the clock of {', '.join(moved)}")]
+
+
+def overlapping(streams: list[pd.DataFrame]) -> list[Finding]:
+    """Return a warning about each instrument that reports for less than half of its record while pressure does.
+
+    Raises
+    ------
+    InputError
+        If pitch and pressure never report at the same time: a zone, a unit of time or a date is wrong.
+    """
+    spans = {
+        name: [span for frame in streams if name in frame and (span := _span(frame, name)) is not None]
+        for name in ("pressure", "pitch")
+    }
+    if not all(spans.values()):
+        return []
+    if not any(_shared(pitch, spans["pressure"]) > 0 for pitch in spans["pitch"]):
+        file, *pitch = spans["pitch"][0]
+        other, *pressure = spans["pressure"][0]
+        raise InputError(
+            file,
+            "time",
+            found=f"pitch from {_readable(pitch[0])} to {_readable(pitch[1])}, and pressure from "
+            f"{_readable(pressure[0])} to {_readable(pressure[1])} in {other}",
+            expected="records of the same time",
+            remedy="correct the unit of time or the timezone of one of them under files: in mission.yaml",
+        )
+    findings = []
+    for frame in streams:
+        span = _span(frame, "time")
+        if span is None or "pressure" in frame:
+            continue
+        share = _shared(span, spans["pressure"])
+        if share < 0.5:
+            during = f"records from {_readable(span[1])} to {_readable(span[2])}"
+            findings.append(
+                Finding(
+                    "warning",
+                    span[0],
+                    "time",
+                    f"{during}, {share:.0%} of it while pressure reports",
+                    "records of the same time",
+                    "if its clock is in another zone or unit, say so under files: in mission.yaml",
+                )
+            )
+    return findings
+
+
+def _span(frame: pd.DataFrame, name: str) -> tuple[str, float, float] | None:
+    """Return the name of a stream, and its first and last time with a value of column `name`."""
+    time = frame["time"].to_numpy(dtype=np.float64)[frame[name].notna().to_numpy()]
+    return (str(frame.attrs.get("name", "stream")), float(time[0]), float(time[-1])) if time.size else None
+
+
+def _shared(span: tuple[str, float, float], others: list[tuple[str, float, float]]) -> float:
+    """Return the share of a span of time that lies within that of one of `others`; 1 for an instant within it."""
+    length = span[2] - span[1]
+    return max(
+        max(0.0, min(span[2], end) - max(span[1], begin)) / length if length else float(begin <= span[1] <= end)
+        for _, begin, end in others
+    )
 
 
 def unsorted(micro: npt.NDArray[np.int64], inside: Mask) -> bool:

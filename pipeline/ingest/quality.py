@@ -48,6 +48,7 @@ _RATE_SPIKE = 0.05  # rad/s
 _WINDOW = 7  # samples of the running median
 _STUCK_SAMPLES, _STUCK_SECONDS, _STUCK_DBAR = 25, 120.0, 20.0
 _OFFSET = 0.5  # dbar at the surface worth a note
+_ABSOLUTE = (9.6, 10.8)  # dbar, least pressure of a sensor that feels the atmosphere as well
 
 
 def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding]]:
@@ -246,7 +247,10 @@ def _reason(name: str, lost: Sequence[Finding]) -> str:
 
 
 def surface_offset(streams: list[pd.DataFrame]) -> list[Finding]:
-    """Return a note where pressure is not zero at the surface: at the GPS fixes, else where it is least."""
+    """Return a note where pressure is not zero at the surface: at the GPS fixes, else where it is least.
+
+    A least pressure of one atmosphere is worth a warning.
+    """
     fixes = [
         frame["time"][frame["latitude_qc"] == Quality.GOOD].to_numpy(dtype=np.float64)
         for frame in streams
@@ -266,6 +270,19 @@ def surface_offset(streams: list[pd.DataFrame]) -> list[Finding]:
             after = np.clip(np.searchsorted(times, time), 1, times.size - 1) if times.size > 1 else 0
             near = np.minimum(np.abs(time - times[after]), np.abs(time - times[np.maximum(after - 1, 0)])) < 30.0
         offset, where = float(pressure.min()), "at its least"
+        if _ABSOLUTE[0] < offset < _ABSOLUTE[1]:
+            findings.append(
+                Finding(
+                    "warning",
+                    str(frame.attrs.get("name", "stream")),
+                    "pressure",
+                    f"{offset:.2f} dbar {where}",
+                    "0 dbar at the surface",
+                    "not corrected; if it is absolute pressure, give its unit as dbara (bara, psia) under files: in "
+                    "mission.yaml",
+                )
+            )
+            continue
         if near.sum() >= 3 and float(np.percentile(pressure[near], 90)) < 5.0:
             offset, where = float(np.median(pressure[near])), "at the GPS fixes"
         if abs(offset) > _OFFSET and (offset < 0 or where == "at the GPS fixes"):

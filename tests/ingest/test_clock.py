@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.ingest.clock import cleaned, longest_increase, shifted
+from pipeline.findings import InputError
+from pipeline.ingest.clock import cleaned, longest_increase, overlapping, shifted
 
 START = 1.5e9
 
@@ -141,3 +143,32 @@ def test_pressure_in_the_table_of_pitch_is_split_off_to_be_moved() -> None:
 def test_without_an_offset_the_streams_are_the_same_ones() -> None:
     streams = _streams()
     assert shifted(streams, 0.0) == (streams, [])
+
+
+def _instrument(name: str, column: str, first: float, last: float) -> pd.DataFrame:
+    frame = pd.DataFrame({"time": [first, 0.5 * (first + last), last], column: [1.0, 2.0, 3.0]})
+    frame.attrs = {"name": name}
+    return frame
+
+
+def test_pitch_and_pressure_that_never_report_together_stop_the_mission() -> None:
+    ctd = _instrument("ctd.csv", "pressure", START, START + 3600)
+    with pytest.raises(InputError) as error:
+        overlapping([ctd, _instrument("attitude.csv", "pitch", START + 7200, START + 10800)])
+    assert str(error.value) == (
+        "attitude.csv: time: found pitch from 2017-07-14T04:40:00Z to 2017-07-14T05:40:00Z, and pressure from "
+        "2017-07-14T02:40:00Z to 2017-07-14T03:40:00Z in ctd.csv; expected records of the same time; "
+        "correct the unit of time or the timezone of one of them under files: in mission.yaml"
+    )
+
+
+def test_an_instrument_that_reports_mostly_while_pressure_does_not_is_doubted() -> None:
+    ctd = _instrument("ctd.csv", "pressure", START, START + 3600)
+    attitude = _instrument("attitude.csv", "pitch", START, START + 3600)
+    assert overlapping([ctd, attitude, _instrument("a.csv", "buoyancy_volume", START + 1700, START + 5300)]) == []
+    engine = _instrument("engine.csv", "buoyancy_volume", START + 2700, START + 6300)
+    assert [str(finding) for finding in overlapping([ctd, attitude, engine])] == [
+        "engine.csv: time: found records from 2017-07-14T03:25:00Z to 2017-07-14T04:25:00Z, 25% of it while pressure "
+        "reports; expected records of the same time; if its clock is in another zone or unit, say so under files: in "
+        "mission.yaml"
+    ]

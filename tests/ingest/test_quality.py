@@ -192,6 +192,15 @@ def test_negative_pressure_at_the_surface_is_noted_without_gps() -> None:
     assert quality.surface_offset(streams)[0].found == "-0.80 dbar at its least"
 
 
+def test_a_pressure_that_feels_the_atmosphere_is_doubted() -> None:
+    ctd = _stream(time=1.5e9 + np.arange(100.0), pressure=np.linspace(10.1, 80.0, 100))
+    streams, _ = quality.checked([ctd])
+    assert [str(finding) for finding in quality.surface_offset(streams)] == [
+        "ctd.csv: pressure: found 10.10 dbar at its least; expected 0 dbar at the surface; not corrected; "
+        "if it is absolute pressure, give its unit as dbara (bara, psia) under files: in mission.yaml"
+    ]
+
+
 def test_a_pitch_that_is_mostly_out_of_range_stops_the_mission_though_some_of_it_is_not() -> None:
     pitch = np.where(np.arange(100) % 10 == 0, 0.5, 25.0)
     frame = pd.DataFrame({"time": np.arange(100.0), "pressure": 10.0, "pitch": pitch})
