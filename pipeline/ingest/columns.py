@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
+#: A date alone, a time of day alone.
+_DAY = re.compile(r"\d{4}[-/]\d{1,2}[-/]\d{1,2}|\d{1,2}[-/.](\d{1,2}|[A-Za-z]{3})[-/.]\d{4}|\d{8}")
+_HOUR = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|UTC|[AaPp][Mm])?")
 #: Two names of one quantity: where mission.yaml names one of them in a file, the other is not guessed there.
 _TWINS = {"depth": "pressure", "salinity": "conductivity"}
 
@@ -32,9 +37,20 @@ class Source:
     guessed: bool
 
 
-def match(columns: list[str], units: list[str], table: Table, file: str) -> tuple[dict[str, Source], list[Finding]]:
-    """Return which column of the file is which canonical one: as mission.yaml says, else as the header suggests."""
-    sources: dict[str, Source] = {}
+#: Word in the name of a column that goes before others of its quantity.
+_LIKELIER = {"latitude": "gps", "longitude": "gps", "pressure": "sea"}
+_OF_CTD = ("pressure", "temperature")
+#: Where a quantity may come from, the likelier column first. Of times each row has the first that is there.
+Candidates = dict[str, tuple[Source, ...]]
+
+
+def match(columns: list[str], units: list[str], table: Table, file: str) -> tuple[Candidates, list[Finding]]:
+    """Return which columns of the file may be which canonical one: as mission.yaml says, else as the header suggests.
+
+    Of positions those of a receiver (``gps``) come first, for many gliders log dead-reckoned ones beside them; of
+    pressures that of the sea, beside which some sensors log the absolute one.
+    """
+    sources: dict[str, list[Source]] = {}
     notes: list[Finding] = []
     named = {name: entry if isinstance(entry, TableColumn) else TableColumn(column=entry)
              for name, entry in table.columns.items()}  # fmt: skip
@@ -53,8 +69,8 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
                 remedy=nearest(entry.column, columns),
             )
         stated = units[columns.index(entry.column)] or quantity(entry.column)[1]
-        sources[key] = Source(entry.column, entry.unit or stated, entry.unit is None)
-    taken = {source.column for source in sources.values()} | set(table.ignore)
+        sources[key] = [Source(entry.column, entry.unit or stated, entry.unit is None)]
+    taken = {source.column for entry in sources.values() for source in entry} | set(table.ignore)
     left = []
     twins = {twin for pair in _TWINS.items() for twin, other in (pair, pair[::-1]) if other in named}
     for column, below in zip(columns, units, strict=True):
@@ -62,7 +78,7 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
             continue
         name, suggested = quantity(column)
         unit = below or suggested
-        if name is None or name in sources or name in twins:
+        if name is None or name in twins or (name in named and name != "time"):
             left.append(column)
         elif unit and name in QUANTITIES and not known(name, unit):
             notes.append(
@@ -76,16 +92,89 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
                 )
             )
         else:
-            sources[name] = Source(column, unit, True)
+            sources.setdefault(name, []).append(Source(column, unit, True))
+    for name, word in _LIKELIER.items():
+        if name in sources:
+            sources[name] = sorted(sources[name], key=partial(_without, word))
     left = [column for column in left if not column.startswith(UNNAMED)]
     if left:
         notes.append(Finding("note", file, "", f"columns that are not read: {', '.join(left)}"))
     orphans = {key for key in sources if key.endswith("_qc") and key.removesuffix("_qc") not in sources}
-    return {key: source for key, source in sources.items() if key not in orphans}, notes
+    return {key: tuple(entry) for key, entry in sources.items() if key not in orphans}, notes
+
+
+def chosen(raws: list[pd.DataFrame], candidates: Candidates, file: str) -> tuple[dict[str, Source], list[Finding]]:
+    """Return which of several columns each quantity but time is taken from, and a finding about each that is not.
+
+    It is the first that changes, of those of the CTD the one that has most values beside conductivity. A vehicle's log
+    has columns for sensors that it does not carry: all NaN, or all zero.
+
+    Parameters
+    ----------
+    raws
+        The columns of all files of one instrument as they stand there.
+    candidates
+        As `match` returns them.
+    file
+        Name of the first file.
+    """
+    import numpy as np
+
+    sources: dict[str, Source] = {}
+    findings: list[Finding] = []
+
+    def values(source: Source) -> Array:
+        return np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in raws])
+
+    for name, entry in sorted(candidates.items(), key=lambda item: item[0] != "conductivity"):
+        if name == "time":
+            continue
+        beside = np.isfinite(values(sources["conductivity"])) if name in _OF_CTD and "conductivity" in sources else None
+        content = []
+        for source in entry if len(entry) > 1 else ():
+            found = values(source)
+            known = np.isfinite(found)
+            changes = bool(known.any() and np.ptp(found[known]) > 0)
+            content.append((changes, bool(known.any()), 0 if beside is None else int((known & beside).sum())))
+        if not content:
+            sources[name] = entry[0]
+            continue
+        best = max(range(len(entry)), key=lambda k: (*content[k], -k))
+        sources[name] = entry[best]
+        for k, source in enumerate(entry):
+            if k != best:
+                what = "that changes" if content[k][0] else "that never changes" if content[k][1] else "without a value"
+                findings.append(
+                    Finding(
+                        "warning" if content[k][0] and not _likelier(name, entry[best], source) else "note",
+                        file,
+                        f"column '{source.column}'",
+                        f"a second column for {name}, {what}",
+                        "one",
+                        f"'{entry[best].column}' is taken; if that is wrong, name the right one under files: in "
+                        "mission.yaml",
+                    )
+                )
+    return {name: sources[name] for name in candidates if name != "time"}, findings
+
+
+def _without(word: str, source: Source) -> bool:
+    return word not in source.column.lower()
+
+
+def _likelier(name: str, source: Source, other: Source) -> bool:
+    """Return whether the name of column `source` says that it goes before `other`."""
+    word = _LIKELIER.get(name)
+    return word is not None and not _without(word, source) and _without(word, other)
 
 
 def converted(
-    raw: pd.DataFrame, sources: Mapping[str, Source], table: Table, file: str, guesses: Mapping[str, str]
+    raw: pd.DataFrame,
+    clocks: tuple[Source, ...],
+    sources: Mapping[str, Source],
+    table: Table,
+    file: str,
+    guesses: Mapping[str, str],
 ) -> tuple[pd.DataFrame, list[Finding]]:
     """Return the columns of one file in the records' units under their canonical names, and what was guessed.
 
@@ -93,8 +182,10 @@ def converted(
     ----------
     raw
         The columns as they stand in the file.
+    clocks
+        Columns of time.
     sources
-        Which of them is which canonical one.
+        Which of the others is which canonical one.
     table
         What mission.yaml says of the file.
     file
@@ -105,11 +196,9 @@ def converted(
     import numpy as np
     import pandas as pd
 
-    out: dict[str, Any] = {"time": _seconds(raw[sources["time"].column], sources["time"].unit, table, file)}
-    told = [f"'{sources['time'].column}' is time"] if sources["time"].guessed else []
+    seconds, told, notes = _clock(raw, clocks, table, file)
+    out: dict[str, Any] = {"time": seconds}
     for name, source in sources.items():
-        if name == "time":
-            continue
         values = raw[source.column].to_numpy(dtype=np.float64)
         if name.endswith("_qc"):
             out[name] = np.nan_to_num(values, nan=9.0).astype(np.int8)
@@ -118,13 +207,73 @@ def converted(
         out[name] = convert(values, name, unit, file, source.column)
         if source.guessed:
             told.append(f"'{source.column}' is {name} in {unit}")
-    notes = [Finding("note", file, "", "guessed from header and range: " + ", ".join(told))] if told else []
+    if told:
+        notes.append(Finding("note", file, "", "guessed from header and range: " + ", ".join(told)))
     frame = pd.DataFrame(out)
     frame.attrs = {
         "name": file,
-        "columns": {name: source.column for name, source in sources.items()},
+        "columns": {"time": clocks[0].column} | {name: source.column for name, source in sources.items()},
     }
     return frame, notes
+
+
+def _clock(
+    raw: pd.DataFrame, clocks: tuple[Source, ...], table: Table, file: str
+) -> tuple[Array, list[str], list[Finding]]:
+    """Return the times of the rows, what was guessed about them, and what is no time.
+
+    A date and a time of day in columns of their own are put together; else a row has the first of its times: two
+    computers that share a table write into their own rows.
+    """
+    import numpy as np
+
+    from pipeline.ingest import times
+
+    parts = [next((clock for clock in clocks if _reads(raw[clock.column], part)), None) for part in (_DAY, _HOUR)]
+    if parts[0] is not None and parts[1] is not None:
+        day, hour = parts[0].column, parts[1].column
+        joined = (raw[day].str.strip() + " " + raw[hour].str.strip()).rename(day)
+        unit = parts[0].unit
+        if unit and "%" in unit and "%H" not in unit and "%I" not in unit:
+            unit += times.clock_format(next(text for text in raw[hour] if isinstance(text, str) and text.strip()))
+        seconds = _seconds(joined, unit, table, file)
+        return seconds, [f"'{day}' and '{hour}' are time"], _untimed(joined, seconds, file)
+    first, *others = clocks
+    seconds = _seconds(raw[first.column], first.unit, table, file)
+    told = [f"'{first.column}' is time"] if first.guessed else []
+    notes = _untimed(raw[first.column], seconds, file)
+    for other in others:
+        absent = ~np.isfinite(seconds) & raw[other.column].notna().to_numpy()
+        if absent.any() and first.guessed:
+            seconds = np.where(absent, _seconds(raw[other.column], other.unit, table, file), seconds)
+            told.append(f"'{other.column}' is time where '{first.column}' has none")
+    return seconds, told, notes
+
+
+def _reads(column: pd.Series[Any], pattern: re.Pattern[str]) -> bool:
+    """Return whether the first text of `column` is like `pattern`."""
+    first = next((text for text in column if isinstance(text, str) and text.strip()), "")
+    return bool(pattern.fullmatch(first.strip()))
+
+
+def _untimed(column: pd.Series[Any], seconds: Array, file: str) -> list[Finding]:
+    """Return a finding about texts that are no time."""
+    import numpy as np
+
+    wrong = ~np.isfinite(seconds) & column.notna().to_numpy()
+    if not wrong.any() or column.dtype.kind == "f":
+        return []
+    return [
+        Finding(
+            "warning",
+            file,
+            f"column '{column.name}'",
+            f"{int(wrong.sum())} of {len(column)} texts that are no time, first '{column[wrong].iloc[0]}'",
+            "ISO 8601, a date and a time of day, or the format given as unit",
+            f"those records are left out; if it is another format, files: {{{file}: {{time: {{column: {column.name}, "
+            "unit: '%d/%m/%Y %H:%M:%S'}}} in mission.yaml says which",
+        )
+    ]
 
 
 def _seconds(column: pd.Series[Any], unit: str | None, table: Table, file: str) -> Array:
@@ -146,7 +295,7 @@ def _seconds(column: pd.Series[Any], unit: str | None, table: Table, file: str) 
             return at_once
     numbers = column if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce")
     if column.dtype.kind == "f" or numbers.notna().sum() > 0.5 * max(1, column.notna().sum()):
-        stated = unit if unit in times.UNITS or (unit and table.time and table.time.unit == unit) else None
+        stated = unit if times.is_unit(unit) or (unit and table.time and table.time.unit == unit) else None
         return times.numeric(numbers.to_numpy(dtype=np.float64), stated, file, name)
     return times.textual(column.astype("object"), unit, table.timezone, file, name)
 

@@ -15,11 +15,11 @@ _SYNONYMS: dict[str, str] = {
     "temperature": "temperature temp t90 t_90 water_temperature water_temp sea_temperature tv290c insitu_temperature",
     "conductivity": "conductivity cond water_cond cndc c0s",
     "salinity": "salinity psal practical_salinity sal",
-    "pitch": "pitch pitch_angle pitchang theta pitch_ang",
+    "pitch": "pitch pitch_angle pitchang pitch_ang",
     "pitch_rate": "pitch_rate pitchrate pitch_angular_rate pitch_gyro gyro_pitch",
     "roll": "roll roll_angle rollang roll_ang bank",
     "heading": "heading head yaw hdg heading_angle true_heading compass course_angle",
-    "buoyancy_volume": "buoyancy_volume buoyancy ballast ballast_volume ballast_pumped ballastpos pump_vol pump_volume "
+    "buoyancy_volume": "buoyancy_volume ballast ballast_volume ballast_pumped ballastpos pump_vol pump_volume "
     "pumped_volume oil_volume oil_vol de_oil_vol vbd vbdcc vbd_cc engine_volume buoyancy_engine bladder "
     "bladder_volume",
     "battery_position": "battery_position batt_pos battpos battery_pos linpos battery_linear pitch_battery "
@@ -37,6 +37,9 @@ _SYNONYMS: dict[str, str] = {
     "longitude": "longitude lon long lng gps_lon gps_longitude",
 }
 _BY_NAME = {word: name for name, words in _SYNONYMS.items() for word in words.split()}
+
+#: Names that other quantities go by as well (potential temperature, net buoyancy): believed with a unit that fits.
+_WITH_UNIT = {"theta": "pitch", "buoyancy": "buoyancy_volume"}
 
 #: Names that say their unit: a propeller's rpm, and the units that Slocum gliders log in.
 _IMPLIED = {
@@ -91,8 +94,8 @@ def quantity(header: str) -> tuple[str | None, str | None]:
     if bracket and bracket[1].strip():
         bare, unit = bracket[1].strip(), bracket[2].strip() or None
         name = _bare(bare)
-        if name is None and unit and len(bare) == 1:
-            name = _fitting(_LETTERS.get(bare.upper()), unit)
+        if name is None and unit:
+            name = _fitting(_LETTERS.get(bare.upper()) or _WITH_UNIT.get(_plain(bare)), unit)
         return name, (unit or _implied(bare)) if name else None
     name = _bare(text)
     if name is not None:
@@ -102,7 +105,7 @@ def quantity(header: str) -> tuple[str | None, str | None]:
     for words in (_plain(text).split("_"), _camel(text).split("_")):
         for count in (2, 1):
             stem, suffix = "_".join(words[:-count]), "_".join(words[-count:])
-            name = _LETTERS.get(text[0].upper()) if len(stem) == 1 else _lookup(stem)
+            name = _LETTERS.get(text[0].upper()) if len(stem) == 1 else _lookup(stem) or _WITH_UNIT.get(stem)
             if _fitting(name, suffix):
                 return name, suffix
     return None, None

@@ -28,6 +28,8 @@ _STANDARD_SALINITY = 35.16504
 #: Layers of the mean profile of density, dbar.
 _LAYER = 1.0
 PASCAL_PER_DBAR = 1e4
+#: Heights above the surface at which a depth is one written with positive up, m.
+_SURFACE_M = 2.0
 
 _SEA_WATER = ("salinity", "absolute_salinity", "conservative_temperature", "density")
 
@@ -270,19 +272,24 @@ def pressure_and_conductivity(
     Raises
     ------
     InputError
-        If depth and pressure of one stream disagree by more than 10 %.
+        If depth and pressure of one stream disagree by more than 10 %, or depth is positive up.
     """
     place, _ = position(mission, streams)
     out, findings = [], []
     for frame in streams:
         changed = frame
         name = str(frame.attrs.get("name", "table"))
-        if "depth" in frame and "pressure" in frame:
+        if "depth" in frame and _measured(frame, "pressure"):
             _compare(frame, place.latitude, name)
         elif "depth" in frame:
+            _require_downwards(frame, name)
             changed = changed.assign(pressure=pressure(frame["depth"].to_numpy(np.float64), place.latitude))
             findings.append(Finding("note", name, "depth", f"depth; turned into pressure at {place.latitude:.1f}°"))
-        if "salinity" in frame and "conductivity" not in frame and {"temperature", "pressure"} <= set(changed.columns):
+        if (
+            "salinity" in frame
+            and not _measured(frame, "conductivity")
+            and {"temperature", "pressure"} <= set(changed.columns)
+        ):
             arguments = [changed[key].to_numpy(np.float64) for key in ("salinity", "temperature", "pressure")]
             changed = changed.assign(conductivity=gsw.C_from_SP(*arguments) / 10.0)
             findings.append(Finding("note", name, "salinity", "practical salinity; turned into conductivity"))
@@ -299,6 +306,25 @@ def good(frame: pd.DataFrame, name: str) -> Array:
         flag = frame[f"{name}_qc"].to_numpy()
         values[(flag == Quality.BAD) | (flag == Quality.PROBABLY_BAD)] = np.nan
     return values
+
+
+def _measured(frame: pd.DataFrame, name: str) -> bool:
+    """Return whether `frame` has a value of `name`."""
+    return name in frame and bool(frame[name].notna().any())
+
+
+def _require_downwards(frame: pd.DataFrame, name: str) -> None:
+    """Raise `InputError` if depth is a height: the greater part of the record far above the surface."""
+    found = frame["depth"].to_numpy(np.float64)
+    found = found[np.isfinite(found)]
+    if found.size and float(np.median(found)) < -_SURFACE_M:
+        raise InputError(
+            name,
+            f"column '{frame.attrs.get('columns', {}).get('depth', 'depth')}'",
+            found=f"depth from {found.min():.4g} to {found.max():.4g} m",
+            expected="depth positive down",
+            remedy="give its unit with a minus sign (-m) under files: in mission.yaml",
+        )
 
 
 def _compare(frame: pd.DataFrame, latitude: float, name: str) -> None:

@@ -7,13 +7,14 @@ and the range of the values, and every guess is a finding.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
-from pipeline.ingest.columns import Source, converted, listed, match
+from pipeline.ingest.columns import Candidates, Source, chosen, converted, listed, match
+from pipeline.ingest.fills import without_fills
 from pipeline.ingest.units import by_range
 from pipeline.mission import Mission, Table
 
@@ -69,13 +70,13 @@ def named(mission: Mission) -> dict[Path, Table]:
 def read(mission: Mission) -> Logs:
     """Return the logs of a mission kept in plain tables.
 
-    Files with the same columns that follow each other in time are one instrument. A file that is no table, or has no
-    time, or holds nothing that the records know, is left out with a finding.
+    Files with the same columns that follow each other in time are one instrument. A file that is no table, has no time
+    or one that cannot be understood, or holds nothing that the records know, is left out with a finding.
 
     Raises
     ------
     InputError
-        If mission.yaml names a file, a column or a unit that is not there.
+        If mission.yaml names a file, a column or a unit that is not there, or the times of no file can be understood.
     """
     from pipeline.ingest.logs import Logs, gather
     from pipeline.ingest.seawater import pressure_and_conductivity
@@ -85,44 +86,56 @@ def read(mission: Mission) -> Logs:
         findings.append(Finding("note", TRUTH, "", "the truth of a simulation", "", "not read: it is not a log"))
     tables = dict.fromkeys(files(mission.folder), Table()) | named(mission)
     parts = [part for path, table in sorted(tables.items()) if (part := _read_file(path, table, findings))]
-    guesses = _guesses(parts)
-    streams = []
-    for part in parts:
-        frame, notes = converted(part.raw, part.sources, part.table, part.file, guesses[part.likeness])
-        streams.append(frame)
+    streams: list[pd.DataFrame] = []
+    failures: list[InputError] = []
+    for likeness in dict.fromkeys(part.likeness for part in parts):
+        alike = [part for part in parts if part.likeness == likeness]
+        sources, notes = chosen([part.raw for part in alike], alike[0].candidates, alike[0].file)
         findings += notes
+        guesses = _guesses([part.raw for part in alike], sources)
+        for part in alike:
+            try:
+                frame, notes = converted(part.raw, part.candidates["time"], sources, part.table, part.file, guesses)
+            except InputError as error:
+                if part.table != Table():
+                    raise
+                failures.append(error)
+                continue
+            streams.append(frame)
+            findings += notes
+    if failures and not streams:
+        raise failures[0]
+    findings += [
+        replace(error.finding, remedy=f"file left out; {error.finding.remedy}".rstrip("; ")) for error in failures
+    ]
     streams, doubts = pressure_and_conductivity(mission, _join(streams))
     return Logs(streams, gather([*findings, *doubts]))
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One file as it was read: its columns as they stand there, and which of them is which canonical one."""
+    """One file as it was read: its columns as they stand there, and which of them may be which canonical one."""
 
     file: str
     table: Table
-    sources: dict[str, Source]
+    candidates: Candidates
     raw: pd.DataFrame
 
     @property
-    def likeness(self) -> tuple[tuple[str, Source], ...]:
+    def likeness(self) -> tuple[tuple[str, tuple[Source, ...]], ...]:
         """What files of one instrument have in common."""
-        return tuple(sorted(self.sources.items()))
+        return tuple(sorted(self.candidates.items()))
 
 
-def _guesses(parts: list[_Part]) -> dict[tuple[tuple[str, Source], ...], dict[str, str]]:
+def _guesses(raws: list[pd.DataFrame], sources: dict[str, Source]) -> dict[str, str]:
     """Return the units that the ranges suggest where none is stated, from all files of an instrument together."""
     import numpy as np
 
-    out: dict[tuple[tuple[str, Source], ...], dict[str, str]] = {}
-    for likeness in dict.fromkeys(part.likeness for part in parts):
-        alike = [part.raw for part in parts if part.likeness == likeness]
-        out[likeness] = {
-            name: by_range(np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in alike]), name)
-            for name, source in likeness
-            if source.unit is None and name != "time" and not name.endswith("_qc")
-        }
-    return out
+    return {
+        name: by_range(np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in raws]), name)
+        for name, source in sources.items()
+        if source.unit is None and not name.endswith("_qc")
+    }
 
 
 def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | None:
@@ -132,9 +145,9 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | Non
         findings.append(Finding("error", path.name, "", "no table", "a header line and records", "file left out"))
         return None
     columns, units = opened.columns, opened.units
-    sources, notes = match(columns, units, table, path.name)
+    candidates, notes = match(columns, units, table, path.name)
     findings.extend(notes)
-    if "time" not in sources:
+    if "time" not in candidates:
         findings.append(
             Finding(
                 "error",
@@ -146,7 +159,7 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | Non
             )
         )
         return None
-    if len(sources) == 1:
+    if len(candidates) == 1:
         findings.append(
             Finding(
                 "warning",
@@ -158,7 +171,7 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | Non
             )
         )
         return None
-    raw, trouble = opened.read(sources)
+    raw, trouble = opened.read(candidates)
     findings.extend(
         Finding("warning", path.name, "", what, "one number or time in each field", "those were left out")
         for what in trouble
@@ -166,7 +179,11 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | Non
     if raw.empty:
         findings.append(Finding("error", path.name, "", "a header and no records", "records", "file left out"))
         return None
-    return _Part(path.name, table, sources, raw)
+    measured = [source.column for name, entry in candidates.items() for source in entry
+                if name != "time" and not name.endswith("_qc")]  # fmt: skip
+    raw, notes = without_fills(raw, measured, path.name)
+    findings.extend(notes)
+    return _Part(path.name, table, candidates, raw)
 
 
 def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
@@ -206,17 +223,19 @@ class _Opened:
     units: list[str]
     layout: Any
 
-    def read(self, sources: dict[str, Source]) -> tuple[pd.DataFrame, list[str]]:
-        """Return the columns of `sources` and what could not be read of them."""
+    def read(self, candidates: Candidates) -> tuple[pd.DataFrame, list[str]]:
+        """Return the columns of `candidates` and what could not be read of them."""
+        clocks = list(dict.fromkeys(source.column for source in candidates["time"]))
+        every = dict.fromkeys(source.column for entry in candidates.values() for source in entry)
+        measured = [column for column in every if column not in clocks]
         if self.layout is None:
-            return _read_parquet(self.path, sources)
+            return _read_parquet(self.path, clocks, measured)
         from pipeline.ingest import text
 
-        clock = sources["time"].column
-        first = self.layout.first[self.columns.index(clock)] if len(self.layout.first) == len(self.columns) else ""
-        timed = [] if text.is_number(first) else [clock]
-        numeric = list(dict.fromkeys(s.column for s in sources.values() if s.column not in timed))
-        return text.read(self.path, self.layout, numeric, timed)
+        first = dict(zip(self.columns, self.layout.first, strict=False))
+        timed = [column for column in clocks if not text.is_number(first.get(column, ""))]
+        numeric = [column for column in clocks if column not in timed]
+        return text.read(self.path, self.layout, numeric + measured, timed)
 
 
 def _open(path: Path) -> _Opened | None:
@@ -237,26 +256,26 @@ def _open(path: Path) -> _Opened | None:
     return None if layout is None else _Opened(path, layout.names, layout.units, layout)
 
 
-def _read_parquet(path: Path, sources: dict[str, Source]) -> tuple[pd.DataFrame, list[str]]:
+def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[str]]:
     import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    clock = sources["time"].column
-    wanted = list(dict.fromkeys(source.column for source in sources.values()))
+    wanted = clocks + measured
     try:
         frame = pq.read_table(path, columns=wanted).to_pandas().reset_index()
     except (pa.ArrowInvalid, OSError) as error:
         return pd.DataFrame(columns=wanted), [f"an unreadable file ({error})"]
     trouble = []
-    for name in wanted:
-        if name != clock and frame[name].dtype.kind not in "fiub":
+    for name in measured:
+        if frame[name].dtype.kind not in "fiub":
             numbers = pd.to_numeric(frame[name], errors="coerce")
             wrong = numbers.isna() & frame[name].notna()
             if wrong.any():
                 first, count = frame[name][wrong].iloc[0], f"{int(wrong.sum())} of {len(frame)} fields"
                 trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
             frame[name] = numbers
-    if clock in frame and frame[clock].dtype.kind in "iu":
-        frame[clock] = frame[clock].astype("float64")
+    for clock in clocks:
+        if frame[clock].dtype.kind in "iu":
+            frame[clock] = frame[clock].astype("float64")
     return frame[wanted], trouble

@@ -20,14 +20,29 @@ UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Units by the least number that today is in them.
 _SIZES = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
 _YEAR_1990 = 631152000.0
-_ZONE = re.compile(r"(?:Z|UTC|GMT|[+-]\d{2}:?\d{2})\s*$", re.IGNORECASE)
-_SLASHED = re.compile(r"^\s*(\d{1,2})[/.](\d{1,2})[/.](\d{4})")
+_ZONE = re.compile(r"(?:Z|UTC|GMT|[+-]\d{2}:?\d{2}|(?<=:\d{2})[+-]\d{2}|(?<=\.\d)[+-]\d{2})\s*$", re.IGNORECASE)
+_SLASHED = re.compile(r"^\s*(\d{1,2})[/.-](\d{1,2})[/.-](\d{4})")
+_NAMED = re.compile(r"^\d{1,2}([/. -])[A-Za-z]{3}[/. -]\d{4}")
+_CLOCK = re.compile(r"\d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.,]\d+)?)?(?P<half>\s*[AaPp][Mm])?")
+#: Files of a SeaExplorer, whose dates have the day first.
+_SEAEXPLORER = re.compile(r"\.(gli|pld\d)\.(sub|raw)\b", re.IGNORECASE)
+#: CF units of time: seconds in the unit and the instant that it counts from.
+_SINCE = re.compile(r"^\s*(second|sec|s|minute|min|hour|hr|h|day|d)s?\s+since\s+(.+)$", re.IGNORECASE)
+_SPANS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+#: Days of MATLAB's datenum and of the Julian calendar at 1970-01-01, and what today is in them.
+_DAYS = {"datenum": (719529.0, 7.26e5, 7.67e5), "julian": (2440587.5, 2.447e6, 2.489e6)}
+
+
+def is_unit(unit: str | None) -> bool:
+    """Return whether `unit` is one of numeric times: s, ms, us, ns, datenum, julian, or as in CF ("days since …")."""
+    return unit in UNITS or unit in _DAYS or bool(unit and _SINCE.match(unit))
 
 
 def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     """Return numeric times, shape (n,), as seconds since 1970 UTC.
 
-    Without `unit` it follows from the size: 1.5e9 are seconds, 1.5e12 ms, 1.5e15 µs, 1.5e18 ns.
+    Without `unit` it follows from the size: 1.5e9 are seconds, 1.5e12 ms, 1.5e15 µs, 1.5e18 ns, 7.36e5 days of
+    MATLAB's datenum, 2.457e6 Julian days.
 
     Raises
     ------
@@ -40,13 +55,19 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     if unit is None:
         middle = float(np.median(finite)) if finite.size else 0.0
         unit = next((finer for finer, least in _SIZES if least <= middle < 1e20), "s")
+        unit = next((days for days, (_, low, high) in _DAYS.items() if low <= middle < high), unit)
+    if unit in _DAYS:
+        return np.asarray((values - _DAYS[unit][0]) * 86400.0)
+    if since := _SINCE.match(unit):
+        return np.asarray(values * _SPANS[since[1][0].lower()] + _origin(since[2], file, column))
     if unit not in UNITS:
         raise InputError(
             file,
             f"column '{column}'",
             found=f"unit '{unit}' for time",
-            expected="s, ms, us, ns, iso or a format such as '%d/%m/%Y %H:%M:%S'",
-            remedy=nearest(unit, [*UNITS, "iso"]),
+            expected="s, ms, us, ns, datenum, julian, 'days since 2000-01-01', iso or a format such as "
+            "'%d/%m/%Y %H:%M:%S'",
+            remedy=nearest(unit, [*UNITS, *_DAYS, "iso"]),
         )
     seconds = values * UNITS[unit]
     if finite.size and float(finite.max()) * UNITS[unit] < _YEAR_1990:
@@ -55,9 +76,27 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
             f"column '{column}'",
             found=f"times from {float(finite.min()):g} to {float(finite.max()):g} {unit}",
             expected="seconds since 1970-01-01 UTC or ISO 8601 text",
-            remedy="add the start of the mission to the times",
+            remedy=f"say what they count from: files: {{{file}: {{time: {{column: {column}, unit: "
+            "'seconds since 2000-01-01'}}} in mission.yaml",
         )
     return np.asarray(seconds)
+
+
+def _origin(text: str, file: str, column: str) -> float:
+    """Return the instant that CF times count from, s since 1970."""
+    import pandas as pd
+
+    try:
+        stamp = pd.Timestamp(text.strip())
+        return float((stamp.tz_localize("UTC") if stamp.tzinfo is None else stamp).timestamp())
+    except ValueError as error:
+        raise InputError(
+            file,
+            f"column '{column}'",
+            found=f"times since '{text.strip()}'",
+            expected="times since a date in ISO 8601",
+            remedy="correct its unit under files: … time: in mission.yaml",
+        ) from error
 
 
 def zoned(texts: pd.Series[Any], timezone: str, file: str) -> Array | None:
@@ -108,7 +147,6 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
         If the zone is unknown, or day and month cannot be told apart.
     """
     import numpy as np
-    import pandas as pd
 
     zone = _zone(timezone, file)
     texts = texts.str.replace(r"(:\d{2}),(\d)", r"\1.\2", regex=True)
@@ -121,14 +159,27 @@ def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, c
             continue
         if has_zone:
             part = part.str.replace(r"\s*(?:UTC|GMT|Z)\s*$", "+00:00", regex=True, flags=re.IGNORECASE)
-            parsed = pd.to_datetime(part, format=layout + "%z" if "%" in layout else layout, utc=True, errors="coerce")
-        else:
-            parsed = _localised(pd.to_datetime(part, format=layout, errors="coerce"), zone).dt.tz_convert("UTC")
-        stamps = pd.DatetimeIndex(parsed)
-        within = (stamps >= pd.Timestamp.min.tz_localize("UTC")) & (stamps <= pd.Timestamp.max.tz_localize("UTC"))
-        stamps = pd.DatetimeIndex(stamps.where(within)).as_unit("ns")
-        out[mask.to_numpy()] = np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
+        seconds = _parsed(part, layout, zone, has_zone)
+        if "%S" in layout:
+            other = layout.replace(".%f", "") if ".%f" in layout else layout.replace("%S", "%S.%f")
+            seconds = np.where(np.isnan(seconds), _parsed(part, other, zone, has_zone), seconds)
+        out[mask.to_numpy()] = seconds
     return out
+
+
+def _parsed(texts: pd.Series[Any], layout: str, zone: ZoneInfo, has_zone: bool) -> Array:
+    """Return texts of one layout, shape (n,), as seconds since 1970 UTC, NaN where they are of another."""
+    import numpy as np
+    import pandas as pd
+
+    if has_zone:
+        parsed = pd.to_datetime(texts, format=layout + "%z" if "%" in layout else layout, utc=True, errors="coerce")
+    else:
+        parsed = _localised(pd.to_datetime(texts, format=layout, errors="coerce"), zone).dt.tz_convert("UTC")
+    stamps = pd.DatetimeIndex(parsed)
+    within = (stamps >= pd.Timestamp.min.tz_localize("UTC")) & (stamps <= pd.Timestamp.max.tz_localize("UTC"))
+    stamps = pd.DatetimeIndex(stamps.where(within)).as_unit("ns")
+    return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
 
 
 def _localised(local: pd.Series[Any], zone: ZoneInfo) -> pd.Series[Any]:
@@ -163,24 +214,41 @@ def _suggestion(name: str) -> str:
 
 
 def _layout(texts: pd.Series[Any], file: str, column: str) -> str:
-    """Return the format of dated texts: ISO 8601, or day and month told apart by numbers above 12."""
-    first = next((text for text in texts if isinstance(text, str) and text.strip()), "")
+    """Return the format of dated texts: ISO 8601, or day and month told apart by a name, a dot or numbers above 12."""
+    first = next((text for text in texts if isinstance(text, str) and text.strip()), "").strip()
+    named = _NAMED.match(first)
+    if named:
+        return f"%d{named[1]}%b{named[1]}%Y{clock_format(first[named.end() :])}"
     slashed = _SLASHED.match(first)
     if not slashed:
         return "ISO8601"
     parts = texts.str.extract(_SLASHED.pattern).astype("float64")
-    mark = first.strip()[len(slashed[1])]
-    if (parts[0] > 12).any():
-        date = f"%d{mark}%m{mark}%Y"
-    elif (parts[1] > 12).any():
-        date = f"%m{mark}%d{mark}%Y"
-    else:
-        raise InputError(
-            file,
-            f"column '{column}'",
-            found=f"'{first.strip()}', where the day cannot be told from the month",
-            expected="ISO 8601, or the format given as unit",
-            remedy="for day/month/year: unit: '%d/%m/%Y %H:%M:%S' under files: … time: in mission.yaml",
-        )
-    clock = " %H:%M" + (":%S" if first.count(":") > 1 else "") + (".%f" if "." in first.split(":")[-1] else "")
-    return date + (clock if ":" in first else "")
+    mark, clock = first[len(slashed[1])], clock_format(first[slashed.end() :])
+    day_first = f"%d{mark}%m{mark}%Y{clock}"
+    if mark == "." or (parts[0] > 12).any() or _SEAEXPLORER.search(file):
+        return day_first
+    if (parts[1] > 12).any():
+        return f"%m{mark}%d{mark}%Y{clock}"
+    raise InputError(
+        file,
+        f"column '{column}'",
+        found=f"'{first}', where the day cannot be told from the month",
+        expected="ISO 8601, or the format given as unit",
+        remedy=f"for day{mark}month{mark}year: files: {{{file}: {{time: {{column: {column}, unit: '{day_first}'}}}}}} "
+        "in mission.yaml",
+    )
+
+
+def clock_format(text: str) -> str:
+    """Return the `strptime` format of the time of day `text`, with what stands before it; "" where there is none."""
+    clock = _CLOCK.search(text)
+    if not clock:
+        return ""
+    hours = "%I" if clock["half"] else "%H"
+    before = text[: clock.start()] or " "
+    return (
+        f"{before}{hours}:%M"
+        + (":%S" if clock["seconds"] else "")
+        + (".%f" if clock["fraction"] else "")
+        + (" %p" if clock["half"] else "")
+    )

@@ -34,6 +34,8 @@ _TURNING = Dimension("angular rate", {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 1
 _LENGTH = Dimension(
     "length", {"m": (1.0, 0.0), "cm": (0.01, 0.0), "mm": (0.001, 0.0), "in": (0.0254, 0.0), "ft": (0.3048, 0.0)}
 )
+#: Standard atmosphere, dbar.
+_ATMOSPHERE = 10.1325
 _PRESSURE = Dimension(
     "pressure",
     {
@@ -45,6 +47,10 @@ _PRESSURE = Dimension(
         "kpa": (0.1, 0.0),
         "mpa": (100.0, 0.0),
         "psi": (0.6894757293168361, 0.0),
+        # Absolute pressure: what the sensor feels, the atmosphere's included.
+        "dbara": (1.0, -_ATMOSPHERE),
+        "bara": (10.0, -_ATMOSPHERE),
+        "psia": (0.6894757293168361, -_ATMOSPHERE),
     },
 )
 _TEMPERATURE = Dimension("temperature", {"degc": (1.0, 0.0), "k": (1.0, -273.15), "degf": (5.0 / 9.0, -160.0 / 9.0)})
@@ -219,7 +225,8 @@ def by_range(values: Array, name: str) -> str:
     second; temperatures around 300 are kelvin; conductivity above 8 is mS/cm and above 200
     µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05 litres; battery positions beyond 2
     are mm; propeller speeds beyond 60 are rpm; battery voltages beyond 1000 are mV; speeds beyond 5 are cm/s; positions
-    beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together. Else the unit of the records.
+    beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together; depths below
+    zero are heights. Else the unit of the records.
     """
     import numpy as np
 
@@ -248,6 +255,8 @@ def by_range(values: Array, name: str) -> str:
             return "mv" if top > 1000 else "v"
         case "speed_through_water" | "speed_through_water_std":
             return "cm/s" if top > 5 else "m/s"
+        case "depth":
+            return "-m" if float(np.median(values[np.isfinite(values)])) < -2 else "m"
         case "latitude":
             return "ddmm" if middle > 90 else "deg"
         case "longitude":

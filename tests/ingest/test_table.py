@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.findings import InputError
-from pipeline.ingest import headers, recognise, table, times, units
+from pipeline.ingest import fills, headers, recognise, table, times, units
 from pipeline.mission import Mission, load
 
 START = 1466553600.0  # 2016-06-22 00:00 UTC
@@ -87,6 +87,9 @@ def test_headers_people_write_are_understood(header: str, name: str | None, unit
         ("pressure", 1.0, "kPa", 0.1),
         ("pressure", 1e4, "Pa", 1.0),
         ("pressure", 14.503773773, "psi", 10.0),
+        ("pressure", 110.1325, "dbara", 100.0),
+        ("pressure", 11.01325, "bara", 100.0),
+        ("pressure", 14.6959488, "psia", 0.0),
         ("temperature", 283.15, "K", 10.0),
         ("temperature", 50.0, "°F", 10.0),
         ("conductivity", 42.914, "mS/cm", 4.2914),
@@ -116,7 +119,7 @@ def test_headers_people_write_are_understood(header: str, name: str | None, unit
 )
 def test_units_are_converted_to_those_of_the_records(name: str, value: float, unit: str, expected: float) -> None:
     found = units.convert(np.array([value]), name, unit, "x.csv", "x")
-    assert found[0] == pytest.approx(expected, rel=1e-9)
+    assert found[0] == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
 def test_an_unknown_unit_names_the_nearest() -> None:
@@ -168,6 +171,13 @@ def test_a_unit_is_guessed_by_the_range_of_the_values(name: str, values: list[fl
         ("2016-06-22T00:00:00.250", "UTC", START + 0.25),
         ("22/06/2016 00:00:01", "UTC", START + 1),
         ("06/22/2016 00:00", "UTC", START),
+        ("06/22/2016 12:00:01 AM", "UTC", START + 1),
+        ("22-06-2016 00:00:01", "UTC", START + 1),
+        ("2.6.2016 00:00:01,5", "UTC", START - 20 * 86400 + 1.5),
+        ("22-Jun-2016 00:00:01", "UTC", START + 1),
+        ("2016/06/22 00:00:01", "UTC", START + 1),
+        ("2016-06-22 02:00:00+02", "UTC", START),
+        ("2016-06-22 02:00:00.5+02", "UTC", START + 0.5),
         ("nonsense", "UTC", np.nan),
     ],
 )
@@ -210,6 +220,36 @@ def test_numeric_times_are_seconds_milliseconds_or_finer_by_their_size(factor: f
     assert times.numeric(np.array([START]) * factor, None, "x.csv", "time")[0] == pytest.approx(START)
 
 
+@pytest.mark.parametrize(
+    ("value", "unit", "expected"),
+    [
+        (736503.0, None, START),  # MATLAB: datestr(736503) is 22-Jun-2016
+        (736503.25, "datenum", START + 21600.0),
+        (2457561.5, None, START),  # USNO: 2016-06-22 00:00 is JD 2457561.5
+        (519868800.0, "seconds since 2000-01-01T00:00:00Z", START),
+        (24279.0, "days since 1950-01-01", START),
+        (60.0, "minutes since 2016-06-22 01:00 +02:00", START),
+    ],
+)
+def test_numeric_times_may_count_days_or_from_another_date(value: float, unit: str | None, expected: float) -> None:
+    assert times.numeric(np.array([value]), unit, "x.csv", "time")[0] == pytest.approx(expected, abs=1e-3)
+
+
+def test_an_unknown_unit_of_time_and_an_unknown_origin_are_refused() -> None:
+    with pytest.raises(InputError) as error:
+        times.numeric(np.zeros(1), "fortnights", "a.csv", "t")
+    assert str(error.value).startswith(
+        "a.csv: column 't': found unit 'fortnights' for time; expected s, ms, us, ns, datenum, julian, "
+        "'days since 2000-01-01', iso or a format such as '%d/%m/%Y %H:%M:%S'; "
+    )
+    with pytest.raises(InputError) as error:
+        times.numeric(np.zeros(1), "days since launch", "a.csv", "t")
+    assert str(error.value) == (
+        "a.csv: column 't': found times since 'launch'; expected times since a date in ISO 8601; "
+        "correct its unit under files: … time: in mission.yaml"
+    )
+
+
 @given(st.integers(0, 4_000_000_000_000_000))
 def test_a_time_written_to_the_microsecond_is_read_to_the_microsecond(micro: int) -> None:
     stamp = pd.Timestamp(micro * 1000, tz="UTC")
@@ -230,7 +270,7 @@ def test_day_and_month_that_cannot_be_told_apart_are_refused() -> None:
     assert str(error.value) == (
         "gli.csv: column 'Timestamp': found '08/09/2020 17:45:56', where the day cannot be told from the month; "
         "expected ISO 8601, or the format given as unit; "
-        "for day/month/year: unit: '%d/%m/%Y %H:%M:%S' under files: … time: in mission.yaml"
+        "for day/month/year: files: {gli.csv: {time: {column: Timestamp, unit: '%d/%m/%Y %H:%M:%S'}}} in mission.yaml"
     )
     given_format = times.textual(pd.Series(["08/09/2020 17:45:56"]), "%d/%m/%Y %H:%M:%S", "UTC", "gli.csv", "t")
     assert given_format[0] == pd.Timestamp("2020-09-08T17:45:56Z").timestamp()
@@ -241,7 +281,8 @@ def test_times_that_count_from_the_start_are_refused() -> None:
         times.numeric(np.arange(0.0, 3601.0), None, "ctd.csv", "t")
     assert str(error.value) == (
         "ctd.csv: column 't': found times from 0 to 3600 s; expected seconds since 1970-01-01 UTC or ISO 8601 text; "
-        "add the start of the mission to the times"
+        "say what they count from: files: {ctd.csv: {time: {column: t, unit: 'seconds since 2000-01-01'}}} "
+        "in mission.yaml"
     )
 
 
@@ -294,6 +335,130 @@ def test_a_depth_named_in_mission_yaml_keeps_a_pressure_from_being_guessed(make:
     assert str(logs.findings[0]) == "a.csv: found columns that are not read: P"
 
 
+def test_a_date_and_a_time_of_day_in_columns_of_their_own_are_put_together(make: Callable[..., Mission]) -> None:
+    text = "date,time,pitch (rad)\n22.06.2016,00:00:00,0.1\n22.06.2016,00:00:01.5,0.2\n"
+    logs = table.read(make({"a.csv": text}))
+    assert logs.streams[0]["time"].tolist() == [START, START + 1.5]
+    assert str(logs.findings[0]) == (
+        "a.csv: found guessed from header and range: 'date' and 'time' are time, 'pitch (rad)' is pitch in rad"
+    )
+
+
+def test_the_format_of_a_date_may_be_told_with_the_time_of_day_in_another_column(make: Callable[..., Mission]) -> None:
+    text = "day,time,pitch (rad)\n6/2/2016,00:00:01,0.1\n6/2/2016,00:00:02,0.1\n"
+    mission = make({"a.csv": text}, "files: {a.csv: {time: {column: day, unit: '%m/%d/%Y'}}}\n")
+    assert table.read(mission).streams[0]["time"].tolist() == [START - 20 * 86400 + 1, START - 20 * 86400 + 2]
+
+
+def test_rows_of_two_computers_have_the_time_of_their_own(make: Callable[..., Mission]) -> None:
+    text = (
+        f"m_present_time,sci_m_present_time,m_pitch,sci_water_pressure\n{START},NaN,-0.4,NaN\nNaN,{START + 1},NaN,2\n"
+    )
+    logs = table.read(make({"a.csv": text}))
+    assert logs.streams[0]["time"].tolist() == [START, START + 1]
+    assert logs.streams[0]["pressure"].tolist()[1] == 20.0
+    assert "'sci_m_present_time' is time where 'm_present_time' has none" in str(logs.findings[0])
+
+
+def test_texts_that_are_no_time_are_shown(make: Callable[..., Mission]) -> None:
+    text = "time,pitch (rad)\n00:00:01,0.1\n00:00:02,0.1\n"
+    assert str(table.read(make({"a.csv": text})).findings[0]) == (
+        "a.csv: column 'time': found 2 of 2 texts that are no time, first '00:00:01'; "
+        "expected ISO 8601, a date and a time of day, or the format given as unit; "
+        "those records are left out; if it is another format, "
+        "files: {a.csv: {time: {column: time, unit: '%d/%m/%Y %H:%M:%S'}}} in mission.yaml says which"
+    )
+
+
+def test_a_file_whose_clock_was_set_back_to_1970_costs_that_file(make: Callable[..., Mission]) -> None:
+    text = "time,pitch (rad)\n{},0.1\n{},0.2\n"
+    logs = table.read(make({"a.csv": text.format(START, START + 1), "b.csv": text.format(30, 31)}))
+    assert len(logs.streams) == 1
+    assert str(logs.findings[1]) == (
+        "b.csv: column 'time': found times from 30 to 31 s; expected seconds since 1970-01-01 UTC or ISO 8601 text; "
+        "file left out; say what they count from: "
+        "files: {b.csv: {time: {column: time, unit: 'seconds since 2000-01-01'}}} in mission.yaml"
+    )
+
+
+@pytest.mark.parametrize(("idle", "what"), [("0", "that never changes"), ("NaN", "without a value")])
+def test_of_two_columns_for_one_quantity_the_one_that_changes_is_taken(
+    make: Callable[..., Mission], idle: str, what: str
+) -> None:
+    text = f"time,m_ballast_pumped,m_de_oil_vol\n{START},{idle},-230\n{START + 8},{idle},230\n"
+    logs = table.read(make({"a.csv": text}))
+    np.testing.assert_allclose(logs.streams[0]["buoyancy_volume"], [-230e-6, 230e-6])
+    assert str(logs.findings[0]) == (
+        f"a.csv: column 'm_ballast_pumped': found a second column for buoyancy_volume, {what}; expected one; "
+        "'m_de_oil_vol' is taken; if that is wrong, name the right one under files: in mission.yaml"
+    )
+
+
+def test_fixes_go_before_dead_reckoned_positions_and_the_pressure_of_the_ctd_before_another(
+    make: Callable[..., Mission],
+) -> None:
+    text = (
+        "time,m_lat,m_gps_lat,m_lon,m_gps_lon,m_pressure,sci_water_pressure,sci_water_cond\n"
+        f"{START},1.5,1.25,2.5,2.25,0.5,NaN,NaN\n{START + 1},1.6,1.26,2.6,2.26,NaN,0.6,4\n"
+        f"{START + 2},1.7,NaN,2.7,NaN,0.7,0.8,4\n"
+    )
+    (stream,) = table.read(make({"a.csv": text})).streams
+    np.testing.assert_array_equal(stream["latitude"], [1.25, 1.26, np.nan])
+    np.testing.assert_array_equal(stream["longitude"], [2.25, 2.26, np.nan])
+    np.testing.assert_array_equal(stream["pressure"], [np.nan, 6.0, 8.0])
+
+
+def test_the_pressure_of_the_sea_goes_before_another(make: Callable[..., Mission]) -> None:
+    (stream,) = table.read(
+        make({"a.csv": f"time,Pressure,Sea pressure\n{START},10.2,0.1\n{START + 1},11.2,1.1\n"})
+    ).streams
+    assert stream["pressure"].tolist() == [0.1, 1.1]
+
+
+def test_fill_values_are_no_measurements_and_do_not_decide_units(make: Callable[..., Mission]) -> None:
+    rows = "".join(f"{START + 2 * k},{0.01 * k},-999\n{START + 2 * k + 1},-9999,{10 * k - 30}\n" for k in range(7))
+    logs = table.read(make({"a.csv": f"time,pitch,ballast\n{rows}"}))
+    (stream,) = logs.streams
+    assert np.nanmax(stream["pitch"]) == 0.06
+    assert stream["buoyancy_volume"].min() == pytest.approx(-30e-6)
+    assert stream["pitch"].isna().sum() == stream["buoyancy_volume"].isna().sum() == 7
+    assert str(logs.findings[0]) == (
+        "a.csv: found the fill value -9999 in 'pitch'; -999 in 'ballast'; expected measurements; taken for not measured"
+    )
+
+
+def test_a_number_like_a_fill_value_within_the_range_of_the_others_is_a_measurement() -> None:
+    values = np.array([-1200.0, -999.0, 300.0, 9999.0, np.nan, 1e20])
+    assert fills.fills(values).tolist() == [False, False, False, True, False, True]
+    assert fills.fills(np.full(2, -999.0)).all()
+
+
+def test_names_that_other_quantities_have_too_are_believed_with_a_unit_that_fits() -> None:
+    assert headers.quantity("theta") == headers.quantity("theta (degC)") == (None, None)
+    assert headers.quantity("theta (deg)") == headers.quantity("theta_deg") == ("pitch", "deg")
+    assert headers.quantity("buoyancy") == headers.quantity("Buoyancy [g]") == (None, None)
+    assert headers.quantity("Buoyancy [cc]") == ("buoyancy_volume", "cc")
+
+
+def test_a_depth_that_is_positive_up_is_seen_where_no_unit_is_stated_and_refused_where_one_is(
+    make: Callable[..., Mission],
+) -> None:
+    rows = "".join(f"{START + k},{-10 * k}\n" for k in range(4))
+    (stream,) = table.read(make({"a.csv": f"time,z\n{rows}"})).streams
+    assert stream["pressure"].iloc[-1] == pytest.approx(30.24, abs=0.02)
+    with pytest.raises(InputError) as error:
+        table.read(make({"a.csv": f"time,z (m)\n{rows}"}))
+    assert str(error.value) == (
+        "a.csv: column 'z (m)': found depth from -30 to 0 m; expected depth positive down; "
+        "give its unit with a minus sign (-m) under files: in mission.yaml"
+    )
+
+
+def test_depth_serves_where_the_column_of_pressure_is_empty(make: Callable[..., Mission]) -> None:
+    (stream,) = table.read(make({"a.csv": f"time,pressure,depth\n{START},NaN,9.9\n"})).streams
+    assert stream["pressure"].tolist() == [pytest.approx(9.98, abs=0.02)]
+
+
 def test_a_column_that_is_not_there_names_the_nearest(make: Callable[..., Mission]) -> None:
     mission = make({"a.csv": f"time,Pitch\n{START},1\n"}, "files: {a.csv: {columns: {pitch: Pich}}}\n")
     with pytest.raises(InputError) as error:
@@ -328,7 +493,7 @@ def test_an_unknown_unit_in_a_header_costs_that_column(make: Callable[..., Missi
     assert list(logs.streams[0].columns) == ["time", "pitch"]
     assert str(logs.findings[0]) == (
         "a.csv: column 'pressure (counts)': found unit 'counts' for pressure; expected a unit of pressure; "
-        "column left out; known: bar, dbar, hpa, kpa, mbar, mpa, pa, psi"
+        "column left out; known: bar, bara, dbar, dbara, hpa, kpa, mbar, mpa, pa, psi, psia"
     )
 
 
