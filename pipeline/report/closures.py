@@ -13,7 +13,7 @@ from pipeline.records import seconds, timestamps
 from pipeline.report.compare import floats
 from pipeline.report.fitting.closure import Closure, close
 from pipeline.report.fitting.passages import NEEDED, Passages, ThroughWater, by_blocks, find, mean_of, through_water
-from pipeline.report.rounding import amount
+from pipeline.report.rounding import amount, signed
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
@@ -147,7 +147,8 @@ def _verdict(row: Mapping[str, Any]) -> str:
         return f"not determined: {row['reason']}"
     size = f"{amount(abs(100.0 * row['beta']), 100.0 * row['beta_std'], sign=False)} %"
     if abs(row["beta"]) <= SIGNIFICANT * row["beta_std"]:
-        return f"right within {SIGNIFICANT * 100.0 * row['beta_std']:.0f} %"
+        low, high = (signed(100.0 * (row["beta"] + side * SIGNIFICANT * row["beta_std"]), 0) for side in (-1.0, 1.0))
+        return f"no error seen: may have to change by {low} to {high} %"
     return f"too slow: must rise by {size}" if row["beta"] > 0.0 else f"too fast: must fall by {size}"
 
 

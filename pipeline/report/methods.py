@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from pipeline.report.rounding import signed
+
 if TYPE_CHECKING:
     from pipeline.report import Inputs
 
@@ -34,12 +36,15 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
     out = [
         f"The measured speed and angle of attack of unpowered flight borrow the ratio of lift to drag of "
         f"'{vehicle.name}' – no scale of the coefficients, no buoyancy and no thrust.",
-        "Under propeller nothing is borrowed for the speed: it is given only where "
-        + ("GPS displacements or a speed sensor" if gps or sensor_used else "something other than depth")
-        + " determines it.",
         "Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
         "volume, engine volume and the measured density.",
     ]
+    if inputs.blocks["powered"].any():
+        other = "GPS displacements or a speed sensor" if gps or sensor_used else "something other than depth"
+        out.append(
+            "Under propeller thrust is not borrowed for the measured speed either: the ratio only brackets the angle "
+            f"of attack, and near level flight the speed is given only where {other} determines it."
+        )
     if len(inputs.force):
         out.append(
             "The force estimate takes the same as theory, adjusted to this mission; it is shown beside the measured "
@@ -49,7 +54,7 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
     if correction.scale != 1.0 or correction.offset_rad != 0.0:
         out.append(
             f"Pitch was corrected as mission.yaml says: {correction.scale:g} × logged "
-            f"{math.degrees(correction.offset_rad):+.2f}°."
+            f"{signed(math.degrees(correction.offset_rad), 2)}°."
         )
     out.append(f"The pitch bias that remains is taken as 0 ± {correction.std_deg:g}°.")
     if mission.ballast.mass or mission.ballast.volume or mission.ballast.neutral_density:

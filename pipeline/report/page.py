@@ -101,12 +101,13 @@ def environment() -> Environment:
 
 
 def number(value: Any, digits: int = 3, *, sign: bool = False) -> str:
-    """Return a number with so many decimals, a true minus sign, and a dash where there is none."""
+    """Return a number with so many decimals, a true minus sign, and a dash where there is none; nothing has no sign."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return MISSING
     if isinstance(value, int):
         return str(value)
-    text = f"{value:{'+' if sign else ''}.{digits}f}"
+    value = round(value, digits) or 0.0
+    text = f"{value:{'+' if sign and value else ''}.{digits}f}"
     return text.replace("-", "−")
 
 

@@ -37,6 +37,16 @@ def test_without_blocks_the_page_says_why_nothing_is_ranked(mission, petrel):
     assert hypotheses(summary["hypotheses"]) is None
 
 
+def test_a_reason_that_no_size_of_would_show_says_so(built):
+    summary, pictures = copy.deepcopy(built[0]), built[2]
+    row = next(row for row in summary["hypotheses"]["rows"] if row["name"] != "nothing")
+    row["parameters"] = [{"symbol": "κ", "value": 1.0, "std": 0.3, "unit": "1"}]
+    for seen, words in ((math.nan, "no size"), (0.4, "0.4")):
+        row["seen_from"] = seen
+        section = Page(page.report(summary, pictures)).words
+        assert f"{row['words']} κ +1.00 ± 0.30 {words} " in section[section.index("Which reason explains") :]
+
+
 def test_what_is_moved_where_nothing_is_wrong_is_seen_from_no_size(built):
     summary, pictures = copy.deepcopy(built[0]), built[2]
     (row,) = (row for row in summary["hypotheses"]["rows"] if row["words"].startswith("Nothing is wrong"))

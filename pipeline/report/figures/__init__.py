@@ -25,7 +25,7 @@ NO_FIGURE = {
     "corrections": "no two corrections were fitted",
     "profiles": "no correction was fitted",
     "residuals": "no correction was fitted",
-    "parity": "no dive and its climb both have a comparison that is independent",
+    "parity": "no dive and its climb were flown alike, both gliding or both under propeller, and could be compared",
     "stability": "theory has no steady flight for any block",
     "closure": "no fixes before and after flight on a recorded heading",
 }

@@ -170,8 +170,9 @@ def _words(panels: Sequence[str], shown: str, lost: NDArray[np.bool_], *, both: 
     return (
         f"{', '.join(WORDS.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
         f"observable by the kinematic estimate in {100 * share:.0f} % of the samples.",
-        f"Measured (blue) against time for {shown}: depth, pitch and engines as logged; speed, angle of attack and "
-        "vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift to drag alone."
+        f"Measured (blue) against time (as SVG, PNG and in print {shown}): depth, pitch and engines as logged; speed, "
+        "angle of attack and vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift "
+        "to drag alone."
         f"{adjusted} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
         "held. Hatched: the data do not determine the speed there, so the kinematic estimate gives none.",
     )

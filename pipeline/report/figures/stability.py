@@ -88,10 +88,11 @@ def stability(blocks: pd.DataFrame, predictions: pd.DataFrame, vehicle: Vehicle)
             f"Measured speed of {len(both)} blocks and the stable range of each; of the disturbances tried about "
             f"{flown.label}, {'none is known to die' if region is None else f'{100 * region.share:.0f} % die'} out.",
             "Left: measured speed (blue, 1σ) of each block, theory with the measured pitch held (orange) and the "
-            "paper's stable range, Eqs. (27) and (28), at the block's net buoyancy with the pitch left free (grey): "
-            f"theory that borrows all coefficients. Right: {flown.label} by theory, trimmed at the measured pitch; "
-            "disturbances of speed and path angle that die out within 300 s (shaded, by simulation of the borrowed "
-            "dynamics with battery and righting moment held) and the blocks as flown (blue), as deviations from it.",
+            "paper's stable range, Eqs. (27) and (28), at the block's net buoyancy and thrust with the measured pitch "
+            f"held (grey): theory that borrows all coefficients. Right: {flown.label} by theory, trimmed at the "
+            "measured pitch; disturbances of speed and path angle that die out within 300 s (shaded, by simulation of "
+            "the borrowed dynamics with battery and righting moment held) and the blocks as flown (blue), as "
+            "deviations from it.",
             Drawn(both[[column.name for column in COLUMNS]], COLUMNS),
         )
 

@@ -138,8 +138,9 @@ def _draw(axes: Axes, arrows: pd.DataFrame, wide: float) -> str:
                         zorder=4)  # fmt: skip
     for side in (-1.2 * scale * std, 1.2 * scale * std):  # so that the map holds arrows and circles
         axes.plot(x + scale * u + side, y + scale * v + side, linestyle="none")
-    axes.quiverkey(drawn, 0.25, 0.03, scale * step, f"{step:g} m/s, 1σ {uncertainty(float(np.median(std)))} m/s",
-                   labelpos="N", coordinates="axes", fontproperties={"size": 9})  # fmt: skip
+    axes.set_title(" ")  # room for the key, where no track runs
+    axes.quiverkey(drawn, 0.3, 1.04, scale * step, f"{step:g} m/s, 1σ {uncertainty(float(np.median(std)))} m/s",
+                   labelpos="E", coordinates="axes", fontproperties={"size": 9})  # fmt: skip
     if len(arrows) > CIRCLED:
         return ""
     tips = np.column_stack([x + scale * u, y + scale * v])

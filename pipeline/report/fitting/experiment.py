@@ -79,7 +79,9 @@ def candidates(blocks: pd.DataFrame, sensor: bool) -> list[tuple[str, pd.DataFra
     more = [(words, _both(blocks, change(blocks.copy())), sensor) for words, change in out]
     if not sensor:
         speeds = {"sensor_speed": 0.0, "sensor_speed_std": SENSOR_STD}
-        more.append(("a speed sensor", blocks.assign(**speeds), True))
+        carried = blocks["sensor_speed"].notna().any()
+        words = "the speed sensor that was held out (speed_sensor: use)" if carried else "a speed sensor"
+        more.append((words, blocks.assign(**speeds), True))
     return more
 
 

@@ -31,6 +31,8 @@ from pipeline.vehicle import Vehicle
 
 #: A cause would be seen where one of its size moves the data by this χ² (3-sigma).
 SEEN = 9.0
+#: A cause that would be seen only at so many times its size is not seen at any.
+BLIND = 100.0
 #: Terms whose scatter shows whether it is as assumed.
 SCATTERS = ("depth rates", BatteryPositions.name)
 #: Least number of blocks.
@@ -143,8 +145,9 @@ def _size(one: Tried) -> float:
 
 
 def _seen_from(problem: Problem, known: Prior, one: Tried) -> float:
-    """Return the least change by the cause that these data would show, in its unit."""
-    return math.sqrt(SEEN / max(float(information(problem, known, [one.column])[0, 0]), 1e-300))
+    """Return the least change by the cause that these data would show, in its unit; NaN where no size of it shows."""
+    least = math.sqrt(SEEN / max(float(information(problem, known, [one.column])[0, 0]), 1e-300))
+    return least if least < BLIND * _size(one) else math.nan
 
 
 def _hidden(problem: Problem, known: Prior, tried: Sequence[Tried]) -> tuple[list[Tried], list[Tried]]:

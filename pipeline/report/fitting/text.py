@@ -21,8 +21,9 @@ def _statistics(result: Mapping[str, Any]) -> list[str]:
         f"    # compared with      = {', '.join(result['compared_with'])}",
         f"    # values fitted      = {result['values_fitted']}",
         f"    # corrections        = {len(result['parameters'])}",
-        f"    chi-square           = {result['chi_square']:.5g}",
-        f"    reduced chi-square   = {result['reduced_chi_square']:.4g}",
+        f"    chi-square           = {result['chi_square']:.5g}, with what is borrowed"
+        f" {result['goodness']['chi_square']:.5g}",
+        f"    reduced chi-square   = {result['goodness']['reduced']:.4g}",
         f"    Bayesian info crit   = {result['bic']:.5g}",
         f"    condition index      = {result['condition_index']:.3g}",
     ]

@@ -213,6 +213,7 @@ def test_more_dives_show_smaller_changes(sure):
     )
     for name in ("sensor drag", "buoyancy error", "pitch bias", "water motion"):
         assert 0.0 < many[name] < few[name]
+    assert math.isnan(many["turning flight"])  # flown without roll
 
 
 def test_two_blocks_are_too_few(sure):
@@ -263,6 +264,9 @@ def test_experiments_fit_what_was_flown():
     both = [words for words, _table, _sensor in candidates(blocks(dives=2), False)]
     assert "a speed sensor" in both
     assert not any("climbs" in words for words in both)
+    held_out = [words for words, _table, _sensor in candidates(blocks(dives=2, sensor=True), False)]
+    assert held_out[-1] == "the speed sensor that was held out (speed_sensor: use)"
+    assert "a speed sensor" not in held_out
     down = [words for words, _table, _sensor in candidates(blocks(dives=2, sides=(-1,)), True)]
     assert down[0] == "climbs flown like the dives"
     assert "a speed sensor" not in down
