@@ -67,6 +67,22 @@ def test_the_page_is_made_and_says_what_is_missing(trials: dict[str, pipeline.Tr
     assert trial.summary["gps"] is None or not trial.summary["gps"].get("legs")
 
 
+def test_blocks_that_were_found_and_cannot_be_used_are_not_said_to_be_missing(
+    trials: dict[str, pipeline.Trial],
+) -> None:
+    trial = trials["unknown-coefficients"]
+    found, text = trial.summary["blocks"]["total"], trial.report().text
+    assert found > 0
+    why = f"none of {found} steady blocks is used, speed unobservable: lift and drag of the vehicle are not known"
+    assert trial.summary["fit"]["reason"] == why
+    assert f"What may be wrong cannot be ranked: {why}." in text
+    sentence = trial.summary["answer"]["sentence"]
+    assert sentence.endswith("compared: the speed is unobservable: lift and drag of the vehicle are not known.")
+    assert "No figure here: no part of the mission has a speed, measured or by theory." in text
+    assert "Orange: theory" not in text
+    assert "Orange: theory" in trials["one-dive"].report().text
+
+
 def test_the_index_has_a_row_of_each_and_a_verdict_for_each_vehicle(trials: dict[str, pipeline.Trial]) -> None:
     made = index([trial.summary for trial in trials.values()])
     assert [row["mission"] for row in made.content["missions"]] == list(POOR)

@@ -45,6 +45,8 @@ def _no_answer(summary: Mapping[str, Any]) -> str:
     reasons = [part["measured_reason"] or part["held_reason"] for part in summary["parts"]]
     reasons += [row["reason"] for row in summary["blocks"]["left_out"]]
     why = next((reason for reason in reasons if reason), "the net buoyancy of the blocks is not known")
+    why = why.removeprefix("speed ")
+    why = f"the speed is {why}" if why.startswith("unobservable") else why
     return f"Theory and measurement cannot be compared: {why}."
 
 

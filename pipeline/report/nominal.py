@@ -183,7 +183,7 @@ def measured(
             "measured_speed_m_s": mean["measured"],
             "measured_speed_std_m_s": mean["measured_std"],
             "measured_blocks": rows["block"].tolist(),
-            "measured_from": f"kinematic estimate, {len(rows)} steady blocks",
+            "measured_from": f"kinematic estimate, {len(rows)} steady blocks by 1/u_val²",
         }
     return out | {"measured_reason": _why_not(flown, own)}
 

@@ -32,8 +32,8 @@ def test_the_figure_has_the_most_probable_reason_first(built):
 def test_without_blocks_the_page_says_why_nothing_is_ranked(mission, petrel):
     table = blocks(dives=1).assign(used=False)
     summary, text = build(inputs(mission, petrel, table))[:2]
-    assert summary["hypotheses"]["reason"] == "no steady block"
-    assert "What may be wrong cannot be ranked: no steady block." in Page(text).words
+    assert summary["hypotheses"]["reason"] == "none of 8 steady blocks is used"
+    assert "What may be wrong cannot be ranked: none of 8 steady blocks is used." in Page(text).words
     assert hypotheses(summary["hypotheses"]) is None
 
 

@@ -86,7 +86,7 @@ def test_a_mission_without_nominal_settings_gets_a_row_per_direction_as_flown(pe
     assert [row["name"] for row in both] == ["dives", "climbs under propeller"]
     assert both[0]["net_buoyancy_N"] == pytest.approx(-5.0)
     assert both[1]["propeller_speed_rpm"] == pytest.approx(1400.0)
-    assert both[0]["measured_from"] == "kinematic estimate, 16 steady blocks"
+    assert both[0]["measured_from"] == "kinematic estimate, 16 steady blocks by 1/u_val²"
     assert abs(both[0]["error_m_s"]) < 2.0 * both[0]["u_val_m_s"]
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: Why a figure of a mission's page is not there, and one of the index.
 NO_FIGURE = {
-    "answer": "no part of the mission has a known net buoyancy and pitch",
+    "answer": "no part of the mission has a speed, measured or by theory",
     "track": "fewer than two fixes were logged",
     "water": "no depth was measured",
     "flight": "there are no records to draw",

@@ -33,14 +33,15 @@ COLUMNS = (
 
 
 def answer(parts: Sequence[Mapping[str, Any]]) -> Picture | None:
-    """Return measured and predicted speed of each part of the mission side by side; None if there is no part.
+    """Return measured and predicted speed of each part of the mission side by side; None where there is none.
 
     Parameters
     ----------
     parts
         Rows of `nominal.table`.
     """
-    if not parts:
+    speeds = [f"{key}_speed_m_s" for key in ("measured", "held", "free", "sensor")]
+    if not any(math.isfinite(part[key]) for part in parts for key in speeds):
         return None
     things = (
         ("measured_speed", "measured", MEASURED, "o"),

@@ -153,12 +153,15 @@ def flight(
         axes[panels[-1]].set_xlabel(since(begin, unit))
         axes[panels[-1]].margins(x=0.01)
         figure.align_ylabels(list(axes.values()))
-        words, caption = _words(panels, shown, lost, both=len(force) > 0)
+        by_theory = bool(np.isfinite(floats(predictions, "speed")).any())
+        words, caption = _words(panels, shown, lost, both=len(force) > 0, by_theory=by_theory)
         table = pd.concat([table for _look, table in guesses])
         return picture(figure, "flight", words, caption, Drawn(table, ESTIMATES))
 
 
-def _words(panels: Sequence[str], shown: str, lost: NDArray[np.bool_], *, both: bool) -> tuple[str, str]:
+def _words(
+    panels: Sequence[str], shown: str, lost: NDArray[np.bool_], *, both: bool, by_theory: bool
+) -> tuple[str, str]:
     """Return the alternative text and the caption."""
     share = float(lost.mean()) if lost.size else 0.0
     adjusted = ""
@@ -167,14 +170,17 @@ def _words(panels: Sequence[str], shown: str, lost: NDArray[np.bool_], *, both: 
             " Brown: theory with the parameters adjusted to this mission (the force estimate), which borrows net "
             "buoyancy, thrust and all coefficients."
         )
+    orange = ""
+    if by_theory:
+        orange = " Orange: theory of each steady block as in the vehicle file, with the measured pitch held."
     return (
         f"{', '.join(WORDS.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
         f"observable by the kinematic estimate in {100 * share:.0f} % of the samples.",
         f"Measured (blue) against time (as SVG, PNG and in print {shown}): depth, pitch and engines as logged; speed, "
         "angle of attack and vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift "
         "to drag alone."
-        f"{adjusted} Bands are 2σ. Orange: theory of each steady block as in the vehicle file, with the measured pitch "
-        "held. Hatched: the data do not determine the speed there, so the kinematic estimate gives none.",
+        f"{adjusted} Bands are 2σ.{orange} Hatched: the data do not determine the speed there, so the kinematic "
+        "estimate gives none.",
     )
 
 

@@ -78,7 +78,8 @@ def track(records: Columns, current: Mapping[str, Any]) -> Picture | None:
             1e-3 * np.stack([east[first], east[last]]), 1e-3 * np.stack([north[first], north[last]]), color=VOID,
             linewidth=0.9, linestyle="--",
         )  # fmt: skip
-        points = axes.scatter(1e-3 * east, 1e-3 * north, c=elapsed, s=10, cmap="viridis", zorder=3, linewidths=0)
+        points = axes.scatter(1e-3 * east, 1e-3 * north, c=elapsed, s=14, cmap="viridis", zorder=3, linewidths=0.6,
+                              edgecolors=VOID)  # fmt: skip
         axes.plot(0.0, 0.0, marker="o", markersize=10, color="none", markeredgecolor=INK, label="first fix")
         axes.plot([], [], color=VOID, linewidth=0.9, linestyle="--", label="no fix in between")
         axes.plot([], [], marker="o", markersize=3.5, color=MEASURED, linestyle="none", label="fix")

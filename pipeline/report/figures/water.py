@@ -15,6 +15,7 @@ from pipeline.report.compare import floats
 from pipeline.report.figures.drawing import (
     MEASURED,
     POINTS,
+    VOID,
     WIDTH,
     Array,
     Drawn,
@@ -60,6 +61,9 @@ def water(records: Columns, estimates: Columns) -> Picture | None:
         if warm.any():
             upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
             step = max(1, int(np.ceil(warm.sum() / POINTS)))
+            upper.scatter(  # a rim, so that cold water is seen on a dark page and warm on a light one
+                hours[warm][::step], place[warm][::step], color=VOID, s=7.0, rasterized=True, linewidths=0
+            )
             points = upper.scatter(
                 hours[warm][::step], place[warm][::step], c=temperature[warm][::step], s=2.5,
                 cmap=thermal(), rasterized=True, linewidths=0,

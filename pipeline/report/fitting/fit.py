@@ -131,7 +131,7 @@ def selected(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> 
     used = blocks["used"].to_numpy(dtype=bool)
     points = given.points(blocks if used.all() else blocks[used], vehicle)
     if not points.size:
-        return points, "no steady block"
+        return points, _none_used(blocks)
     present = np.ones(points.size, dtype=bool)
     needed = {
         "depth_rate": "depth rate", "net_buoyancy": "net buoyancy", "pitch": "pitch",
@@ -149,6 +149,14 @@ def selected(blocks: pd.DataFrame, vehicle: Vehicle, given: Given = DEFAULT) -> 
     if not present.any():
         return points.only(present), "theory has no steady flight at the pitch and buoyancy of any block"
     return points if present.all() else points.only(present), ""
+
+
+def _none_used(blocks: pd.DataFrame) -> str:
+    """Return that there is no steady block, or that none of them is used and the commonest reason."""
+    if blocks.empty:
+        return "no steady block"
+    reason = str(blocks["reason"].astype(str).value_counts().idxmax())
+    return f"none of {len(blocks)} steady blocks is used{f', {reason}' if reason else ''}"
 
 
 def _chosen(problem: Problem, *, asked: bool) -> tuple[Choice | None, float]:

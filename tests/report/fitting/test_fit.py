@@ -126,7 +126,8 @@ def test_speeds_by_a_sensor_sharpen_the_fit_when_they_are_used(exact):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"used": False}, "no steady block"),
+        ({"used": False}, "none of 8 steady blocks is used"),
+        ({"used": False, "reason": "near level"}, "none of 8 steady blocks is used, near level"),
         ({"net_buoyancy": math.nan}, "no steady block with a net buoyancy"),
         ({"depth_rate": math.nan}, "no steady block with a depth rate"),
         (
@@ -161,7 +162,7 @@ def test_report_in_text_has_values_errors_correlations_and_could_not_estimate(ex
         assert part in words
     refused = solve(exact, blocks(dives=4).assign(used=False))
     assert text(refused) == refused["text"]
-    assert "could not estimate: no steady block" in refused["text"]
+    assert "could not estimate: none of 32 steady blocks is used" in refused["text"]
 
 
 def test_blocks_may_come_in_any_order(exact):
