@@ -147,6 +147,9 @@ def ingest(mission: Mission) -> Ingested:
     if "heading" in table:
         table = table.assign(heading=np.mod(table["heading"], 2 * np.pi))
     findings += plausibility.checked(table, _source(streams, "pressure"), _source(streams, "pitch"))
+    if "buoyancy_volume" in table:
+        table, doubts = plausibility.with_engine_checked(table, _source(streams, "buoyancy_volume"))
+        findings += doubts
     table, notes = merge.with_pitch_correction(table, mission.pitch)
     findings += notes
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
@@ -211,7 +214,8 @@ def _label(frame: pd.DataFrame, k: int) -> str:
 
 def _source(streams: list[pd.DataFrame], name: str) -> dict[str, str]:
     """Return file and column that `name` comes from, for messages."""
-    carriers = [frame for frame in streams if name in frame and frame[name].notna().any()]
+    carriers = [frame for frame in streams if name in frame]
+    carriers = [frame for frame in carriers if frame[name].notna().any()] or carriers
     best = max(
         carriers, key=lambda frame: ("conductivity" in frame) if name == "pressure" else int(frame[name].count())
     )

@@ -136,7 +136,8 @@ def overlapping(streams: list[pd.DataFrame]) -> list[Finding]:
                     "time",
                     f"{during}, {share:.0%} of it while pressure reports",
                     "records of the same time",
-                    "if its clock is in another zone or unit, say so under files: in mission.yaml",
+                    "the rest cannot be analysed; if its clock is in another zone or unit, say so under files: in "
+                    "mission.yaml",
                 )
             )
     return findings

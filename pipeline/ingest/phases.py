@@ -31,7 +31,8 @@ _LEVEL_WINDOW, _LEVEL_RANGE, _LEVEL_RATE = 120.0, 3.0, 0.05  # s, m, m/s: level 
 _SURFACE = 2.5  # m
 _NEAR_TURN = 90.0  # s
 _SETTLING, _AHEAD = 15.0, 5.0  # s after a change until flight is steady again, and before it
-_ON_SPEED, _ON_POWER = 0.5, 2.0  # rev/s and W: propeller turning
+#: Speed [rev/s] or power [W] above which a propeller is turning.
+TURNING = {"propeller_speed": 0.5, "propeller_power": 2.0}
 _LEAST_SAMPLES = 4  # of pressure and of pitch in a block
 
 
@@ -206,7 +207,7 @@ def _dive_starts(leg: npt.NDArray[np.int8]) -> Mask:
 
 def _powered(clock: Array, tracks: dict[str, tuple[Array, Array]]) -> Mask:
     """Return where the propeller turns: by its speed, where that is logged, else by its power."""
-    for name, limit in (("propeller_speed", _ON_SPEED), ("propeller_power", _ON_POWER)):
+    for name, limit in TURNING.items():
         time, values = tracks.get(name, (np.zeros(0), np.zeros(0)))
         if time.size:
             return np.asarray(

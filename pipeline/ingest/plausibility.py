@@ -1,4 +1,4 @@
-"""Plausibility: do depth and pitch together mean a speed that a glider can have? Catches units declared wrongly.
+"""Plausibility: is what depth, pitch and engine mean together a glider's flight? Catches wrong units and signs.
 
 A glider that moves along its nose at U changes depth by U |sin pitch| a second. Gliders fly at 0.2 to 2 m/s; bar read
 as dbar makes them ten times too slow, dbar read as bar ten times too fast, whatever the mission.
@@ -13,7 +13,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
+from pipeline.ingest.phases import TURNING
 from pipeline.ingest.seawater import good
+from pipeline.records import Quality
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +25,8 @@ _STEEP = math.radians(10.0)
 _MOVING = 0.03  # m/s
 _MIDDLE = (0.2, 0.85)  # share of the deepest pressure: away from surface and turning points
 _LEAST = 8  # windows
+_LEAST_EACH = 3  # windows of dives, and of climbs
+_STROKE = 2e-6  # m3 between climbs and dives that an engine resolves
 
 
 def implied_speed(table: pd.DataFrame) -> tuple[Array, Array, Array]:
@@ -38,29 +42,90 @@ def implied_speed(table: pd.DataFrame) -> tuple[Array, Array, Array]:
     rate, pitch, speed
         Shape (minutes,): only those inside the middle of the water column with both instruments reporting.
     """
+    pitch = good(table, "pitch")
+    if not np.isfinite(pitch).any():
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    rate, edges = _minutes(table)
+    time = table["time"].to_numpy(dtype=np.float64)
+    tilt = np.isfinite(pitch)
+    total = np.r_[0.0, np.cumsum(pitch[tilt])]
+    begin, end = np.searchsorted(time[tilt], edges)
+    count = end - begin
+    use = count > 0
+    mean = (total[end] - total[begin])[use] / count[use]
+    with np.errstate(divide="ignore"):
+        speed = np.abs(rate[use]) / np.abs(np.sin(mean))
+    return rate[use], mean, speed
+
+
+def _minutes(table: pd.DataFrame) -> tuple[Array, Array]:
+    """Return the rate of depth [m/s, + down], shape (k,), of minutes in the middle of the water column, and their ends.
+
+    Returns
+    -------
+    rate, edges
+        Shape (k,), and first and last instant of each, s, shape (2, k).
+    """
     time = table["time"].to_numpy(dtype=np.float64)
     depth = np.where(np.isfinite(good(table, "pressure")), table["depth"].to_numpy(dtype=np.float64), np.nan)
-    pitch = good(table, "pitch")
     known = np.isfinite(depth)
-    if known.sum() < 2 or not np.isfinite(pitch).any():
-        return np.zeros(0), np.zeros(0), np.zeros(0)
+    if known.sum() < 2:
+        return np.zeros(0), np.zeros((2, 0))
     minute = ((time - time[0]) // _WINDOW).astype(np.int64)
     first = np.flatnonzero(np.diff(minute[known], prepend=-1))
     knots, depths = time[known][first], depth[known][first]
     length = np.diff(knots)
-    near = (length > 0.5 * _WINDOW) & (length < 5 * _WINDOW)
-    rate = np.diff(depths)[near] / length[near]
-    middle = (0.5 * (depths[1:] + depths[:-1]))[near]
-    tilt = np.isfinite(pitch)
-    total = np.r_[0.0, np.cumsum(pitch[tilt])]
-    begin, end = (np.searchsorted(time[tilt], edges) for edges in (knots[:-1][near], knots[1:][near]))
-    count = end - begin
-    mean = (total[end] - total[begin]) / np.maximum(count, 1)
+    middle = 0.5 * (depths[1:] + depths[:-1])
     deepest = float(np.percentile(depth[known], 99))
-    use = (count > 0) & (middle > _MIDDLE[0] * deepest) & (middle < _MIDDLE[1] * deepest)
-    with np.errstate(divide="ignore"):
-        speed = np.abs(rate[use]) / np.abs(np.sin(mean[use]))
-    return rate[use], mean[use], speed
+    use = (length > 0.5 * _WINDOW) & (length < 5 * _WINDOW)
+    use &= (middle > _MIDDLE[0] * deepest) & (middle < _MIDDLE[1] * deepest)
+    return np.diff(depths)[use] / length[use], np.stack([knots[:-1][use], knots[1:][use]])
+
+
+def with_engine_checked(table: pd.DataFrame, source: dict[str, str]) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return `table` with the engine's volume flagged bad where it is that of a vehicle driven the other way round.
+
+    A vehicle without a turning propeller sinks with its engine smaller than it rises with. Where it is logged larger on
+    dives than on climbs its sign is reversed, and net buoyancy would be, too.
+
+    Parameters
+    ----------
+    table
+        The merged records, with depth.
+    source
+        ``file`` and ``column`` of the engine's volume, for messages.
+    """
+    rate, edges = _minutes(table)
+    volume = _held(table, "buoyancy_volume", edges[1])
+    driven = np.zeros(rate.size, dtype=bool)
+    for name, least in TURNING.items():
+        if name in table:
+            driven |= np.nan_to_num(np.abs(_held(table, name, edges[1]))) > least
+    down, up = (np.isfinite(volume) & ~driven & (sign * rate > _MOVING) for sign in (1.0, -1.0))
+    if min(down.sum(), up.sum()) < _LEAST_EACH:
+        return table, []
+    stroke = float(np.median(volume[up]) - np.median(volume[down]))
+    if stroke > -_STROKE:
+        return table, []
+    finding = Finding(
+        "warning",
+        source["file"],
+        f"column '{source['column']}'",
+        f"an engine volume {-1e6 * stroke:.3g} cm3 larger on dives than on climbs",
+        "volume with light positive",
+        "flagged bad and not used; if its sign is reversed, give its unit with a minus sign (-cc) under files: in "
+        "mission.yaml",
+    )
+    flag = np.where(np.isfinite(table["buoyancy_volume"]), Quality.BAD, Quality.MISSING).astype(np.int8)
+    return table.assign(buoyancy_volume_qc=flag), [finding]
+
+
+def _held(table: pd.DataFrame, name: str, time: Array) -> Array:
+    """Return the last good value of column `name` at or before `time` [s], shape (n,), NaN where there is none."""
+    values = good(table, name)
+    known = np.isfinite(values)
+    before = np.searchsorted(table["time"].to_numpy(dtype=np.float64)[known], time, side="right")
+    return np.asarray(np.r_[np.nan, values[known]][before], dtype=np.float64)
 
 
 def checked(table: pd.DataFrame, pressure_source: dict[str, str], pitch_source: dict[str, str]) -> list[Finding]:

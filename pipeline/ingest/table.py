@@ -131,11 +131,16 @@ def _guesses(raws: list[pd.DataFrame], sources: dict[str, Source]) -> dict[str, 
     """Return the units that the ranges suggest where none is stated, from all files of an instrument together."""
     import numpy as np
 
-    return {
+    units = {
         name: by_range(np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in raws]), name)
         for name, source in sources.items()
         if source.unit is None and not name.endswith("_qc")
     }
+    # Near the equator or Greenwich one of the two is small enough for either; a receiver writes both alike.
+    position = {name for name in ("latitude", "longitude") if name in units}
+    if any(units[name] == "ddmm" for name in position):
+        units |= dict.fromkeys(position, "ddmm")
+    return units
 
 
 def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | None:

@@ -169,6 +169,6 @@ def test_an_instrument_that_reports_mostly_while_pressure_does_not_is_doubted() 
     engine = _instrument("engine.csv", "buoyancy_volume", START + 2700, START + 6300)
     assert [str(finding) for finding in overlapping([ctd, attitude, engine])] == [
         "engine.csv: time: found records from 2017-07-14T03:25:00Z to 2017-07-14T04:25:00Z, 25% of it while pressure "
-        "reports; expected records of the same time; if its clock is in another zone or unit, say so under files: in "
-        "mission.yaml"
+        "reports; expected records of the same time; the rest cannot be analysed; if its clock is in another zone or "
+        "unit, say so under files: in mission.yaml"
     ]

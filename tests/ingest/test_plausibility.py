@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.findings import InputError
 from pipeline.ingest import plausibility
+from pipeline.records import Quality
 
 Fly = Callable[..., object]
 TableOf = Callable[[object], pd.DataFrame]
@@ -75,6 +76,30 @@ def test_a_pitch_with_nose_down_positive_is_doubted(fly: Fly, table_of: TableOf)
         "attitude.csv: column 'Pitch': found nose up on the way down; expected pitch with nose up positive; "
         "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml"
     ]
+
+
+def test_an_engine_logged_larger_on_dives_than_on_climbs_is_flagged_bad(fly: Fly, table_of: TableOf) -> None:
+    table = table_of(fly([0.0, *[200.0, 5.0] * 2]))
+    source = {"file": "engine.csv", "column": "ballast"}
+    found, findings = plausibility.with_engine_checked(table, source)
+    assert findings == []
+    assert "buoyancy_volume_qc" not in found
+    turned = table.assign(buoyancy_volume=-table["buoyancy_volume"])
+    found, findings = plausibility.with_engine_checked(turned, source)
+    assert (found["buoyancy_volume_qc"] == Quality.BAD).all()
+    assert [str(finding) for finding in findings] == [
+        "engine.csv: column 'ballast': found an engine volume 460 cm3 larger on dives than on climbs; "
+        "expected volume with light positive; flagged bad and not used; if its sign is reversed, give its unit with a "
+        "minus sign (-cc) under files: in mission.yaml"
+    ]
+
+
+@pytest.mark.parametrize(("name", "turning"), [("propeller_speed", 10.0), ("propeller_power", 5.0)])
+def test_under_propeller_a_vehicle_may_climb_heavy(fly: Fly, table_of: TableOf, name: str, turning: float) -> None:
+    table = table_of(fly([0.0, *[200.0, 5.0] * 2]))
+    climbing = table["depth"].diff() < 0
+    heavy = table.assign(buoyancy_volume=np.where(climbing, -50e-6, 0.0), **{name: np.where(climbing, turning, 0.0)})
+    assert plausibility.with_engine_checked(heavy, {"file": "a.csv", "column": "b"})[1] == []
 
 
 def test_level_powered_flight_is_not_mistaken_for_a_wrong_unit() -> None:

@@ -408,6 +408,12 @@ def test_fixes_go_before_dead_reckoned_positions_and_the_pressure_of_the_ctd_bef
     np.testing.assert_array_equal(stream["pressure"], [np.nan, 6.0, 8.0])
 
 
+def test_degrees_and_minutes_run_together_in_one_of_a_position_are_so_in_both(make: Callable[..., Mission]) -> None:
+    (stream,) = table.read(make({"gps.csv": f"time,lat,lon\n{START},-42.0,-3130.0\n{START + 1},5442,330\n"})).streams
+    np.testing.assert_allclose(stream["latitude"], [-0.7, 54.7])
+    np.testing.assert_allclose(stream["longitude"], [-31.5, 3.5])
+
+
 def test_the_pressure_of_the_sea_goes_before_another(make: Callable[..., Mission]) -> None:
     (stream,) = table.read(
         make({"a.csv": f"time,Pressure,Sea pressure\n{START},10.2,0.1\n{START + 1},11.2,1.1\n"})
