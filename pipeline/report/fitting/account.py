@@ -19,7 +19,8 @@ from pipeline.report.fitting.terms import DepthRates
 from pipeline.report.fitting.text import text
 from pipeline.report.rounding import amount
 
-#: Beyond this many 1-sigma a value contradicts its prior.
+#: Beyond so many 1-sigma a value strains its prior, and contradicts it.
+STRAIN = 2.0
 CONTRADICTION = 3.0
 
 
@@ -195,6 +196,13 @@ def _verdict(
     return "determined by the data"
 
 
+def _held(pull: float) -> str:
+    """Return in words how far what is borrowed was pulled from its prior, in 1-sigma."""
+    if pull > CONTRADICTION:
+        return "contradicts its prior"
+    return "strains its prior" if pull > STRAIN else "held within its prior"
+
+
 def _borrowing(name: str, model: Model, prior: float, pull: float) -> dict[str, Any]:
     item = model.correction(name)
     return {
@@ -204,7 +212,7 @@ def _borrowing(name: str, model: Model, prior: float, pull: float) -> dict[str, 
         "meaning": item.meaning,
         "prior_std": prior,
         "pull_std": pull,
-        "verdict": "contradicts its prior" if abs(pull) > CONTRADICTION else "held within its prior",
+        "verdict": _held(abs(pull)),
     }
 
 

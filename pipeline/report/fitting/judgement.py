@@ -71,7 +71,7 @@ def sentence(judged: Judged, what: str) -> str:
 def _nothing(judged: Judged, what: str) -> str:
     """Return the verdict in words where no cause is named."""
     moved = next(row["parameters"] for row in judged.rows if row["name"] == NOTHING)
-    words = "Nothing needs explaining: what is stated of the vehicle and its instruments covers the difference"
+    words = "No reason beyond what is stated is needed: the 1σ of the vehicle and its instruments cover the difference"
     if moved:
         words += f"; {in_words(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
     words += "."
