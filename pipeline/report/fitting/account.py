@@ -22,6 +22,8 @@ from pipeline.report.rounding import amount
 #: Beyond so many 1-sigma a value strains its prior, and contradicts it.
 STRAIN = 2.0
 CONTRADICTION = 3.0
+#: From this share of the prior's 1-sigma on a value is told by data and prior together, not by the data alone.
+SHARED = 0.5
 
 
 def account(problem: Problem, alone: Solution, both: Solution, inflation: float) -> dict[str, Any]:
@@ -191,6 +193,8 @@ def _verdict(
     value, std = found
     if math.isfinite(prior) and std > prior and abs(value) < CONTRADICTION * std:
         return "not determined: prior decides"
+    if math.isfinite(prior) and std > SHARED * prior and abs(value) < CONTRADICTION * std:
+        return "partly determined: prior says as much"
     if math.isfinite(prior) and abs(value) > CONTRADICTION * math.hypot(std, prior):
         return "determined by the data, against the prior"
     return "determined by the data"

@@ -95,6 +95,13 @@ def test_where_the_water_moves_too_much_the_prior_decides(exact):
     assert ballast["std_with_prior"] < ballast["prior_std"] < ballast["std"]
 
 
+def test_what_the_data_tell_hardly_better_than_the_prior_is_not_called_determined_by_them(petrel):
+    result = solve(petrel, blocks(dives=2, each=1, sigma_w=0.02), settings={"sigma_w": 0.02, "tau_w": 300.0})
+    drag = result["parameters"][0]
+    assert 0.5 * drag["prior_std"] < drag["std"] < drag["prior_std"]
+    assert drag["verdict"] == "partly determined: prior says as much"
+
+
 def test_a_correction_far_beyond_its_prior_is_said_to_contradict_it(exact):
     result = solve(exact, blocks(dives=8, extra_drag=4.0))
     assert result["parameters"][0]["verdict"] == "determined by the data, against the prior"
