@@ -100,8 +100,9 @@ def quantity(header: str) -> tuple[str | None, str | None]:
     name = _bare(text)
     if name is not None:
         return name, _implied(text)
-    if text.lower().endswith("_qc") and text.lower().removesuffix("_qc") in QUANTITIES:
-        return text.lower(), None
+    if text.lower().endswith("_qc"):
+        flagged = _bare(text[: -len("_qc")])
+        return (f"{flagged}_qc" if flagged in QUANTITIES else None), None
     for words in (_plain(text).split("_"), _camel(text).split("_")):
         for count in (2, 1):
             stem, suffix = "_".join(words[:-count]), "_".join(words[-count:])

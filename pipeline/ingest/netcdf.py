@@ -52,6 +52,48 @@ def variables(path: Path, wanted: re.Pattern[str]) -> Variables:
     """
     import xarray
 
+    magic = _magic(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            raw = _netcdf4(path, wanted) if magic == _HDF5 else _classic(path, wanted)
+            data = xarray.decode_cf(xarray.Dataset(raw), decode_times=False, decode_coords=False)
+            return {str(name): np.asarray(variable.values) for name, variable in data.variables.items()}
+    except Exception as error:  # whatever a damaged file makes of offsets, lengths and types
+        raise UnreadableError("a damaged netCDF file", "a whole one") from error
+
+
+def series(path: Path) -> dict[str, dict[str, str]]:
+    """Return by dimension the numeric one-dimensional variables of `path` and their units, "" where none is stated.
+
+    Raises
+    ------
+    UnreadableError
+        As `variables`.
+    """
+    import h5netcdf
+    from scipy.io import netcdf_file
+
+    out: dict[str, dict[str, str]] = {}
+    magic = _magic(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with h5netcdf.File(path, "r") if magic == _HDF5 else netcdf_file(path, "r", mmap=False) as file:
+                for name, variable in file.variables.items():
+                    kind = np.dtype(variable.dtype if magic == _HDF5 else variable.data.dtype).kind
+                    if len(variable.dimensions) == 1 and kind in "fiu":
+                        attributes = variable.attrs if magic == _HDF5 else variable.__dict__
+                        units = attributes.get("units", "")
+                        text = units.decode("utf-8", "replace") if isinstance(units, bytes) else str(units)
+                        out.setdefault(str(variable.dimensions[0]), {})[str(name)] = text.strip()
+    except Exception as error:  # whatever a damaged file makes of offsets, lengths and types
+        raise UnreadableError("a damaged netCDF file", "a whole one") from error
+    return out
+
+
+def _magic(path: Path) -> bytes:
+    """Return the first bytes of `path` if they are those of netCDF."""
     try:
         with path.open("rb") as file:
             magic = file.read(8)
@@ -61,14 +103,7 @@ def variables(path: Path, wanted: re.Pattern[str]) -> Variables:
         raise UnreadableError("an empty file", "netCDF")
     if magic != _HDF5 and magic[:4] not in _CLASSIC:
         raise UnreadableError("no netCDF header", "netCDF, classic or 4")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            raw = _netcdf4(path, wanted) if magic == _HDF5 else _classic(path, wanted)
-            data = xarray.decode_cf(xarray.Dataset(raw), decode_times=False, decode_coords=False)
-            return {str(name): np.asarray(variable.values) for name, variable in data.variables.items()}
-    except Exception as error:  # whatever a damaged file makes of offsets, lengths and types
-        raise UnreadableError("a damaged netCDF file", "a whole one") from error
+    return magic
 
 
 def _netcdf4(path: Path, wanted: re.Pattern[str]) -> dict[str, Any]:

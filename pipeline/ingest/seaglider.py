@@ -28,12 +28,13 @@ import pandas as pd
 from pipeline.findings import Finding, InputError, Severity
 from pipeline.ingest import adcp, netcdf
 from pipeline.ingest.logs import Logs, UnreadableError, gather
+from pipeline.ingest.table import SEAGLIDER
 from pipeline.mission import Mission
 from pipeline.records import Quality
 
 Array = npt.NDArray[np.float64]
 
-_NAME = re.compile(r"p\d{7}(_\w+)?\.nc", re.IGNORECASE)
+_NAME = re.compile(SEAGLIDER, re.IGNORECASE)
 _CONSTANTS = (
     "hd_a",
     "hd_b",

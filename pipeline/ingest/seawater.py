@@ -284,6 +284,7 @@ def pressure_and_conductivity(
         elif "depth" in frame:
             _require_downwards(frame, name)
             changed = changed.assign(pressure=pressure(frame["depth"].to_numpy(np.float64), place.latitude))
+            changed = _with_flag_of(changed, "pressure", "depth")
             findings.append(Finding("note", name, "depth", f"depth; turned into pressure at {place.latitude:.1f}°"))
         if (
             "salinity" in frame
@@ -292,8 +293,9 @@ def pressure_and_conductivity(
         ):
             arguments = [changed[key].to_numpy(np.float64) for key in ("salinity", "temperature", "pressure")]
             changed = changed.assign(conductivity=gsw.C_from_SP(*arguments) / 10.0)
+            changed = _with_flag_of(changed, "conductivity", "salinity")
             findings.append(Finding("note", name, "salinity", "practical salinity; turned into conductivity"))
-        changed = changed.drop(columns=["depth", "salinity"], errors="ignore")
+        changed = changed.drop(columns=["depth", "salinity", "depth_qc", "salinity_qc"], errors="ignore")
         changed.attrs = frame.attrs
         out.append(changed)
     return out, findings
@@ -306,6 +308,11 @@ def good(frame: pd.DataFrame, name: str) -> Array:
         flag = frame[f"{name}_qc"].to_numpy()
         values[(flag == Quality.BAD) | (flag == Quality.PROBABLY_BAD)] = np.nan
     return values
+
+
+def _with_flag_of(frame: pd.DataFrame, name: str, origin: str) -> pd.DataFrame:
+    """Return `frame` with the flag of `origin`, if it has one, for `name`, which was computed from it."""
+    return frame.assign(**{f"{name}_qc": frame[f"{origin}_qc"]}) if f"{origin}_qc" in frame else frame
 
 
 def _measured(frame: pd.DataFrame, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Plain tables: CSV, text and Parquet files, one instrument clock each; those of SeaExplorer and of ``dbd2asc`` too.
+"""Plain tables: CSV, text, Parquet and netCDF; those of SeaExplorer and of ``dbd2asc`` too.
 
 Columns, units and time zone come from ``files:`` in mission.yaml; what is left out there is guessed from the header
 and the range of the values, and every guess is a finding.
@@ -10,11 +10,12 @@ import re
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.findings import Finding, InputError, nearest
 from pipeline.ingest.columns import Candidates, Source, chosen, converted, listed, match
 from pipeline.ingest.fills import without_fills
+from pipeline.ingest.sheets import Sheet, is_netcdf, sheets
 from pipeline.ingest.units import by_range
 from pipeline.mission import Mission, Table
 
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
     from pipeline.ingest.logs import Logs
 
 TRUTH = "truth.parquet"
+#: Names of a Seaglider's per-dive files, which are read as what they are.
+SEAGLIDER = r"p\d{7}(_\w+)?\.nc"
 #: Names of plain tables; SeaExplorer numbers its files behind ``gli.sub`` and the like.
 _NAME = re.compile(
-    r".+\.(parquet|(csv|txt|tsv|asc|dba|[dsmnet]bdasc)(\.gz)?|(gli|pld\d)\.(sub|raw)(\.(\d+|all))?(\.gz)?)",
+    rf"(?!{SEAGLIDER}$).+\.(nc|parquet|(csv|txt|tsv|asc|dba|[dsmnet]bdasc)(\.gz)?|(gli|pld\d)\.(sub|raw)(\.(\d+|all))?(\.gz)?)",
     re.IGNORECASE,
 )
 
@@ -85,7 +88,7 @@ def read(mission: Mission) -> Logs:
     if (mission.folder / TRUTH).is_file():
         findings.append(Finding("note", TRUTH, "", "the truth of a simulation", "", "not read: it is not a log"))
     tables = dict.fromkeys(files(mission.folder), Table()) | named(mission)
-    parts = [part for path, table in sorted(tables.items()) if (part := _read_file(path, table, findings))]
+    parts = [part for path, table in sorted(tables.items()) for part in _read_file(path, table, findings)]
     streams: list[pd.DataFrame] = []
     failures: list[InputError] = []
     for likeness in dict.fromkeys(part.likeness for part in parts):
@@ -143,24 +146,37 @@ def _guesses(raws: list[pd.DataFrame], sources: dict[str, Source]) -> dict[str, 
     return units
 
 
-def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | None:
-    """Return one file as it stands, None (and a finding) if it is not a table of any use."""
-    opened = _open(path)
-    if opened is None:
-        findings.append(Finding("error", path.name, "", "no table", "a header line and records", "file left out"))
-        return None
-    columns, units = opened.columns, opened.units
-    candidates, notes = match(columns, units, table, path.name)
+def _read_file(path: Path, table: Table, findings: list[Finding]) -> list[_Part]:
+    """Return the tables of one file as they stand, none (and a finding) if there is none of any use."""
+    from pipeline.ingest.logs import UnreadableError
+
+    try:
+        found = sheets(path)
+    except UnreadableError as error:
+        findings.append(Finding("error", path.name, "", error.found, error.expected, error.remedy))
+        return []
+    if is_netcdf(path):
+        written = "what the program that wrote it interpolated cannot be told from what was measured"
+        findings.append(Finding("note", path.name, "", "netCDF", "the logs themselves", written))
+    return [part for sheet in found if (part := _read_sheet(sheet, table, findings))]
+
+
+def _read_sheet(sheet: Sheet, table: Table, findings: list[Finding]) -> _Part | None:
+    """Return one table of a file as it stands, None (and a finding) if it is of no use."""
+    name = sheet.path.name
+    if sheet.others:
+        table = _about(table, sheet)
+    candidates, notes = match(sheet.columns, sheet.units, table, name)
     findings.extend(notes)
     if "time" not in candidates:
         findings.append(
             Finding(
                 "error",
-                path.name,
+                name,
                 "",
-                f"no time among the columns {listed(columns)}",
+                f"no time among the columns {listed(sheet.columns)}",
                 "a time column",
-                f"file left out; name it under files: {path.name}: time: in mission.yaml",
+                f"file left out; name it under files: {name}: time: in mission.yaml",
             )
         )
         return None
@@ -168,27 +184,39 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> _Part | Non
         findings.append(
             Finding(
                 "warning",
-                path.name,
+                name,
                 "",
-                f"nothing but time known among the columns {listed(columns)}",
+                f"nothing but time known among the columns {listed(sheet.columns)}",
                 "a measurement",
-                f"file left out; name columns under files: {path.name}: columns: in mission.yaml",
+                f"file left out; name columns under files: {name}: columns: in mission.yaml",
             )
         )
         return None
-    raw, trouble = opened.read(candidates)
+    raw, trouble = sheet.read(candidates)
     findings.extend(
-        Finding("warning", path.name, "", what, "one number or time in each field", "those were left out")
+        Finding("warning", name, "", what, "one number or time in each field", "those were left out")
         for what in trouble
     )
     if raw.empty:
-        findings.append(Finding("error", path.name, "", "a header and no records", "records", "file left out"))
+        findings.append(Finding("error", name, "", "a header and no records", "records", "file left out"))
         return None
-    measured = [source.column for name, entry in candidates.items() for source in entry
-                if name != "time" and not name.endswith("_qc")]  # fmt: skip
-    raw, notes = without_fills(raw, measured, path.name)
+    measured = [source.column for key, entry in candidates.items() for source in entry
+                if key != "time" and not key.endswith("_qc")]  # fmt: skip
+    raw, notes = without_fills(raw, measured, name)
     findings.extend(notes)
-    return _Part(path.name, table, candidates, raw)
+    return _Part(name, table, candidates, raw)
+
+
+def _about(table: Table, sheet: Sheet) -> Table:
+    """Return what mission.yaml says of a file, without what is about columns of its other tables."""
+    elsewhere = set(sheet.others) - set(sheet.columns)
+    columns = {
+        key: entry
+        for key, entry in table.columns.items()
+        if (entry if isinstance(entry, str) else entry.column) not in elsewhere
+    }
+    time = None if table.time is not None and table.time.column in elsewhere else table.time
+    return table.model_copy(update={"columns": columns, "time": time})
 
 
 def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
@@ -217,70 +245,3 @@ def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
             joined.attrs = {**row[0].attrs, "name": label}
             out.append(joined)
     return sorted(out, key=lambda frame: str(frame.attrs["name"]))
-
-
-@dataclass(frozen=True)
-class _Opened:
-    """A table whose header is read: its columns and their units ("" unknown), and how to read the rest."""
-
-    path: Path
-    columns: list[str]
-    units: list[str]
-    layout: Any
-
-    def read(self, candidates: Candidates) -> tuple[pd.DataFrame, list[str]]:
-        """Return the columns of `candidates` and what could not be read of them."""
-        clocks = list(dict.fromkeys(source.column for source in candidates["time"]))
-        every = dict.fromkeys(source.column for entry in candidates.values() for source in entry)
-        measured = [column for column in every if column not in clocks]
-        if self.layout is None:
-            return _read_parquet(self.path, clocks, measured)
-        from pipeline.ingest import text
-
-        first = dict(zip(self.columns, self.layout.first, strict=False))
-        timed = [column for column in clocks if not text.is_number(first.get(column, ""))]
-        numeric = [column for column in clocks if column not in timed]
-        return text.read(self.path, self.layout, numeric + measured, timed)
-
-
-def _open(path: Path) -> _Opened | None:
-    if path.name.lower().endswith(".parquet"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            schema = pq.read_schema(path)
-        except (pa.ArrowInvalid, OSError):
-            return None
-        metas = [field.metadata or {} for field in schema]
-        units = [(meta.get(b"unit") or meta.get(b"units") or b"").decode() for meta in metas]
-        return _Opened(path, list(schema.names), units, None)
-    from pipeline.ingest import text
-
-    layout = text.sniff(path)
-    return None if layout is None else _Opened(path, layout.names, layout.units, layout)
-
-
-def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[str]]:
-    import pandas as pd
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    wanted = clocks + measured
-    try:
-        frame = pq.read_table(path, columns=wanted).to_pandas().reset_index()
-    except (pa.ArrowInvalid, OSError) as error:
-        return pd.DataFrame(columns=wanted), [f"an unreadable file ({error})"]
-    trouble = []
-    for name in measured:
-        if frame[name].dtype.kind not in "fiub":
-            numbers = pd.to_numeric(frame[name], errors="coerce")
-            wrong = numbers.isna() & frame[name].notna()
-            if wrong.any():
-                first, count = frame[name][wrong].iloc[0], f"{int(wrong.sum())} of {len(frame)} fields"
-                trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
-            frame[name] = numbers
-    for clock in clocks:
-        if frame[clock].dtype.kind in "iu":
-            frame[clock] = frame[clock].astype("float64")
-    return frame[wanted], trouble

@@ -27,8 +27,12 @@ _CLOCK = re.compile(r"\d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.,]\d+)?)?(?P
 #: Files of a SeaExplorer, whose dates have the day first.
 _SEAEXPLORER = re.compile(r"\.(gli|pld\d)\.(sub|raw)\b", re.IGNORECASE)
 #: CF units of time: seconds in the unit and the instant that it counts from.
-_SINCE = re.compile(r"^\s*(second|sec|s|minute|min|hour|hr|h|day|d)s?\s+since\s+(.+)$", re.IGNORECASE)
-_SPANS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+_SINCE = re.compile(
+    r"^\s*(?P<span>(?:nano|micro|milli)?second|sec|s|minute|min|hour|hr|h|day|d)s?\s+since\s+(?P<origin>.+)$",
+    re.IGNORECASE,
+)
+#: Seconds per span, by as much of its name as tells it apart.
+_SPANS = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 #: Days of MATLAB's datenum and of the Julian calendar at 1970-01-01, and what today is in them.
 _DAYS = {"datenum": (719529.0, 7.26e5, 7.67e5), "julian": (2440587.5, 2.447e6, 2.489e6)}
 
@@ -59,7 +63,8 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
     if unit in _DAYS:
         return np.asarray((values - _DAYS[unit][0]) * 86400.0)
     if since := _SINCE.match(unit):
-        return np.asarray(values * _SPANS[since[1][0].lower()] + _origin(since[2], file, column))
+        span = next(seconds for name, seconds in _SPANS.items() if since["span"].lower().startswith(name))
+        return np.asarray(values * span + _origin(since["origin"], file, column))
     if unit not in UNITS:
         raise InputError(
             file,

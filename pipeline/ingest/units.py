@@ -107,6 +107,10 @@ _SPELLINGS = {
     "celsius": "degc",
     "degreec": "degc",
     "degreesc": "degc",
+    "degree_c": "degc",
+    "degrees_c": "degc",
+    "deg_c": "degc",
+    "degreescelsius": "degc",
     "degree_celsius": "degc",
     "degrees_celsius": "degc",
     "kelvin": "k",
@@ -124,6 +128,8 @@ _SPELLINGS = {
     "radian": "rad",
     "radians": "rad",
     "s_m": "s/m",
+    "mho/m": "s/m",
+    "mhos/m": "s/m",
     "sm-1": "s/m",
     "ms_cm": "ms/cm",
     "mscm-1": "ms/cm",
@@ -169,6 +175,9 @@ _SPELLINGS = {
     "pss": "1",
     "pss-78": "1",
     "pss78": "1",
+    "1e-3": "1",
+    "1e-03": "1",
+    "0.001": "1",
 }
 #: Every unit that some quantity has, as `spelling` returns it.
 UNITS = {unit for dimension in QUANTITIES.values() for unit in dimension.units} - {"1"}

@@ -60,6 +60,8 @@ def make(tmp_path: Path) -> Callable[..., Mission]:
         ("sci_water_pressure", "pressure", "bar"),
         ("speed_through_water_cm_s", "speed_through_water", "cm_s"),
         ("pressure_qc", "pressure_qc", None),
+        ("PRES_QC", "pressure_qc", None),
+        ("oxygen_qc", None, None),
         ("battery_voltage [V]", "battery_voltage", "V"),
         ("Voltage", "battery_voltage", None),
         ("NAV_VOLTAGE", "battery_voltage", None),
@@ -226,6 +228,7 @@ def test_numeric_times_are_seconds_milliseconds_or_finer_by_their_size(factor: f
         (736503.0, None, START),  # MATLAB: datestr(736503) is 22-Jun-2016
         (736503.25, "datenum", START + 21600.0),
         (2457561.5, None, START),  # USNO: 2016-06-22 00:00 is JD 2457561.5
+        (5.198688e14, "microseconds since 2000-01-01", START),
         (519868800.0, "seconds since 2000-01-01T00:00:00Z", START),
         (24279.0, "days since 1950-01-01", START),
         (60.0, "minutes since 2016-06-22 01:00 +02:00", START),
@@ -633,6 +636,85 @@ def test_parquet_is_read_with_its_own_units_and_zones(make: Callable[..., Missio
     (stream,) = table.read(make({})).streams
     assert stream["time"].tolist() == [START, START + 1]
     assert stream["pressure"].tolist() == [10.0, 20.0]
+
+
+ROWS = np.arange(4.0)
+SECONDS = {"units": "seconds since 1970-01-01T00:00:00Z"}
+
+
+def _netcdf(path: Path, variables: dict[str, tuple[str, np.ndarray, dict[str, object]]], engine: str) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    xarray.Dataset(variables).to_netcdf(path, engine=engine)
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_is_a_table_for_each_dimension_with_a_time(
+    make: Callable[..., Mission], tmp_path: Path, engine: str
+) -> None:
+    pressure = np.array([0.0, 1.0, 99999.0, 3.0], dtype=np.float32)
+    variables = {
+        "m_present_time": ("i", START + 4 * ROWS, {"units": "timestamp"}),
+        "m_pitch": ("i", 0.1 * ROWS, {"units": "rad"}),
+        "TIME": ("j", ROWS, {"units": "minutes since 2016-06-22T00:00:00Z"}),
+        "PRES": ("j", pressure, {"units": "decibar", "_FillValue": np.float32(99999.0)}),
+        "PRES_QC": ("j", np.array([1, 1, 9, 4], dtype=np.int8), {}),
+        "CNDC": ("j", 4.0 + ROWS, {"units": "mhos/m"}),
+        "bins": ("k", ROWS, {"units": "m"}),
+    }
+    _netcdf(tmp_path / "unit.nc", variables, engine)
+    mission = make({}, "files: {unit.nc: {columns: {pitch: {column: m_pitch, unit: deg}}}}\n")
+    assert recognise(mission) == "table"
+    logs = table.read(mission)
+    attitude, ctd = sorted(logs.streams, key=lambda stream: "pressure" in stream)
+    assert attitude["time"].tolist() == (START + 4 * ROWS).tolist()
+    np.testing.assert_allclose(attitude["pitch"], np.radians(0.1 * ROWS))
+    assert ctd["time"].tolist() == (START + 60 * ROWS).tolist()
+    np.testing.assert_array_equal(ctd["pressure"], [0.0, 1.0, np.nan, 3.0])
+    assert ctd["pressure_qc"].tolist() == [1, 1, 9, 4]
+    assert ctd["conductivity"].tolist() == [4.0, 5.0, 6.0, 7.0]
+    assert str(logs.findings[0]) == (
+        "unit.nc: found netCDF; expected the logs themselves; "
+        "what the program that wrote it interpolated cannot be told from what was measured"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"", "b.nc: found an empty file; expected netCDF; left out; copy the file again"),
+        (b"x", "b.nc: found no netCDF header; expected netCDF, classic or 4; left out; copy the file again"),
+        (
+            b"\x89HDF\r\n\x1a\n cut",
+            "b.nc: found a damaged netCDF file; expected a whole one; left out; copy the file again",
+        ),
+    ],
+)
+def test_netcdf_that_cannot_be_read_costs_that_file(make: Callable[..., Mission], content: bytes, line: str) -> None:
+    pytest.importorskip("h5netcdf")
+    logs = table.read(make({"a.csv": f"time,pitch (rad)\n{START},0.1\n", "b.nc": content}))
+    assert len(logs.streams) == 1
+    assert line in [str(finding) for finding in logs.findings]
+
+
+def test_netcdf_without_a_series_costs_that_file(make: Callable[..., Mission], tmp_path: Path) -> None:
+    _netcdf(tmp_path / "b.nc", {}, "h5netcdf")
+    logs = table.read(make({"a.csv": f"time,pitch (rad)\n{START},0.1\n"}))
+    assert "b.nc: found no table; expected a header line and records; file left out" in map(str, logs.findings)
+
+
+def test_per_dive_files_of_a_seaglider_are_no_plain_tables(tmp_path: Path) -> None:
+    for name, plain in (("p1710100.nc", False), ("p0050001_20080606.nc", False), ("sg171_timeseries.nc", True)):
+        (tmp_path / name).touch()
+        assert table.recognises(tmp_path / name) is plain
+
+
+def test_flags_of_salinity_and_depth_go_with_what_is_computed_from_them(make: Callable[..., Mission]) -> None:
+    text = f"time,depth,depth_qc,temp,PSAL,PSAL_QC\n{START},9.9,1,10,35,4\n{START + 1},19.9,3,10,35,1\n"
+    (stream,) = table.read(make({"a.csv": text})).streams
+    assert stream["pressure_qc"].tolist() == [1, 3]
+    assert stream["conductivity_qc"].tolist() == [4, 1]
+    assert not {"depth_qc", "salinity_qc"} & set(stream.columns)
 
 
 def test_the_truth_of_a_simulation_is_not_read(make: Callable[..., Mission], tmp_path: Path) -> None:
