@@ -254,3 +254,24 @@ def usable(frame: Columns, name: str) -> np.ndarray:
     flag = frame[f"{name}_qc"].to_numpy()
     good = (flag != Quality.BAD) & (flag != Quality.PROBABLY_BAD)
     return np.asarray(good & np.isfinite(frame[name].to_numpy(dtype=np.float64)))
+
+
+def undoubted(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return `frame` with NaN for each measurement that is flagged bad or probably bad, and for depth with pressure.
+
+    Parameters
+    ----------
+    frame
+        Columns of the canonical records, measurements with their flags.
+    """
+    changed: dict[str, np.ndarray] = {}
+    for column in MEASURED:
+        if f"{column.name}_qc" not in frame:
+            continue
+        flag = frame[f"{column.name}_qc"].to_numpy()
+        doubted = (flag == Quality.BAD) | (flag == Quality.PROBABLY_BAD)
+        if doubted.any():
+            for name in (column.name, "depth") if column.name == "pressure" else (column.name,):
+                if name in frame:
+                    changed[name] = np.where(doubted, np.nan, frame[name].to_numpy())
+    return frame.assign(**changed) if changed else frame

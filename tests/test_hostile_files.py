@@ -93,6 +93,8 @@ DAMAGED: dict[str, tuple[Spoil, str]] = {
     "stuck-pitch": (_each(_stuck, ("attitude.csv",)), ""),
     "one-dive": (_each(lambda table: table.iloc[:100]), ""),
     "one-sample": (_each(lambda table: table.iloc[50:51]), ""),
+    "engine-reversed": (_each(lambda table: table.assign(volume=-table["volume"]), ("engine.csv",)),
+                        "no buoyancy engine volume: no net buoyancy"),
     "no-engine": (_without_engine, "no buoyancy engine volume: no net buoyancy"),
     "no-salt": (_each(lambda table: table[["time", "pressure [dbar]"]], ("ctd.csv",)),
                 "no mass or no density: no net buoyancy"),
@@ -126,6 +128,19 @@ def test_numbers_are_finite_where_observable_and_nan_with_a_reason_elsewhere(tmp
         assert seen.mean() > 0.6
     if name in ("one-sample", "surface", "unknown-lift"):
         assert not seen.any()
+
+
+def test_a_value_that_is_flagged_bad_and_not_used_changes_nothing(tmp_path: Path) -> None:
+    estimates = {}
+    for name in ("lost", "absurd"):
+        folder = tmp_path / name
+        _good(folder)
+        table = pd.read_csv(folder / "engine.csv").astype({"volume": float})
+        table.loc[50, "volume"] = np.nan if name == "lost" else 5e4
+        table.to_csv(folder / "engine.csv", index=False)
+        settings = mission.load(folder)
+        estimates[name] = estimate(ingest(settings).records, vehicle.load(settings.vehicle), settings).estimates
+    pd.testing.assert_frame_equal(estimates["lost"], estimates["absurd"])
 
 
 def test_the_command_analyses_them_to_the_end_and_says_nothing_else(tmp_path: Path) -> None:

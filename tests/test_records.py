@@ -72,6 +72,26 @@ def test_time_goes_to_stamps_and_back_to_the_microsecond(micro: list[int]) -> No
     np.testing.assert_allclose(records.seconds(pd.Series(stamps)), posix, rtol=0, atol=1e-6)
 
 
+def test_what_is_flagged_bad_or_probably_bad_does_not_enter() -> None:
+    flags = np.array([1, 2, 3, 4, 9], dtype=np.int8)
+    frame = pd.DataFrame(
+        {
+            "pressure": np.arange(5.0),
+            "pressure_qc": flags,
+            "depth": np.arange(5.0),
+            "buoyancy_volume": np.arange(5.0),
+            "buoyancy_volume_qc": flags[::-1],
+            "roll": np.arange(5.0),
+        }
+    )
+    found = records.undoubted(frame)
+    np.testing.assert_array_equal(found["pressure"], [0.0, 1.0, np.nan, np.nan, 4.0])
+    np.testing.assert_array_equal(found["depth"], [0.0, 1.0, np.nan, np.nan, 4.0])
+    np.testing.assert_array_equal(found["buoyancy_volume"], [0.0, np.nan, np.nan, 3.0, 4.0])
+    assert found["roll"].tolist() == frame["roll"].tolist()
+    assert frame["pressure"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
 def test_usable_is_what_was_measured_and_not_flagged_bad() -> None:
     frame = pd.DataFrame({"pitch": [0.1, 0.1, 0.1, 0.1, 0.1, np.nan], "pitch_qc": [0, 1, 2, 3, 4, 1]})
     assert records.usable(frame, "pitch").tolist() == [True, True, True, False, False, False]

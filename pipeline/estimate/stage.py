@@ -1,9 +1,10 @@
 """Stage 2: records to estimates, by both estimators, part by part.
 
-A mission is prepared on a few stretches of it: noise levels, and what the depth rate says of the force model's
-parameters. Then it is solved in parts, cut at the surface and never within a block, on several threads; each part's
-estimates are handed on as soon as they are there, so that memory does not grow with the mission. What is said of the
-whole is a sum over the parts. Where a mission is cut does not depend on the number of threads, nor does any number.
+What is flagged bad or probably bad does not enter: it is NaN from here on. A mission is prepared on a few stretches of
+it: noise levels, and what the depth rate says of the force model's parameters. Then it is solved in parts, cut at the
+surface and never within a block, on several threads; each part's estimates are handed on as soon as they are there, so
+that memory does not grow with the mission. What is said of the whole is a sum over the parts. Where a mission is cut
+does not depend on the number of threads, nor does any number.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pipeline.estimate.part import Part, solve
 from pipeline.estimate.preparation import METHODS, Prepared, prepare, windows
 from pipeline.findings import Finding, nearest
 from pipeline.mission import Mission
-from pipeline.records import BLOCKS, ESTIMATES, Phase, conform
+from pipeline.records import BLOCKS, ESTIMATES, Phase, conform, undoubted
 from pipeline.vehicle import Vehicle
 
 ENGINES = ("numba", "filterpy")
@@ -156,14 +157,15 @@ def stream(
         take(conform(pd.DataFrame(), ESTIMATES))
         return Summary(conform(pd.DataFrame(), BLOCKS), nothing(), [])
     bounds = cuts(source.read(columns=("phase", "block")))
-    settled = {"latitude": latitude(source.read(columns=("latitude",)), mission)}  # for parts without fixes
+    fixes = undoubted(source.read(columns=("latitude", "latitude_qc")))
+    settled = {"latitude": latitude(fixes, mission)}  # for parts without fixes
     mission = mission.model_copy(update=settled)
     body = hull(mission, vehicle, constants, source.read(columns=("density", "absolute_salinity")))
-    stretches = [source.read(first, last) for first, last in windows(source.rows)]
+    stretches = [undoubted(source.read(first, last)) for first, last in windows(source.rows)]
     prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods, threads=threads)
     stretches.clear()
     parts: list[Part] = []
-    for part in solved((source.read(first, last) for first, last in bounds), prepared, threads=threads):
+    for part in solved((undoubted(source.read(first, last)) for first, last in bounds), prepared, threads=threads):
         for table in part.estimates:
             take(table)
         parts.append(part._replace(estimates=[]))
