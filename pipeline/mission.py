@@ -30,8 +30,8 @@ class PitchCorrection(_Strict):
 class Ballast(_Strict):
     """What the vehicle weighs and displaces; net buoyancy follows from these and the engine's volume."""
 
-    mass: float | None = Field(None, gt=0, description="kg; from the vehicle file if left out")
-    volume: float | None = Field(None, gt=0, description="m3, hull at the surface, engine at zero")
+    mass: float | None = Field(None, gt=0, lt=5000, description="kg; from the vehicle file if left out")
+    volume: float | None = Field(None, gt=0, lt=5, description="m3, hull at the surface, engine at zero")
     neutral_density: float | None = Field(
         None, gt=900, lt=1100, description="kg/m3, density in which the vehicle hangs with the engine at zero"
     )
@@ -43,6 +43,8 @@ class Ballast(_Strict):
     def _one_of(self) -> Ballast:
         if self.volume is not None and self.neutral_density is not None:
             raise ValueError("volume or neutral_density, not both")
+        if self.mass is not None and self.volume is not None and not 900 < self.mass / self.volume < 1100:
+            raise ValueError("a mass in kg and a volume in m3 that are 900 to 1100 kg/m3 together")
         return self
 
 
@@ -209,7 +211,10 @@ def load(folder: Path) -> Mission:
         text = path.read_text(encoding="utf-8")
         content = yaml.safe_load(text)
         twice = _repeated(yaml.compose(text, Loader=yaml.SafeLoader))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        remedy = "save it as UTF-8, or write it without accents"
+        raise InputError(where, found="text that is not UTF-8", expected="key: value", remedy=remedy) from error
+    except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}" if mark else ""
         raise InputError(where, line, found="text that is not YAML", expected="key: value") from error

@@ -155,6 +155,13 @@ def test_a_misspelt_key_is_told_the_nearest(refusal: Refusal, text: str, line: s
             "vehicle: p\nballast: {volume: 0.07, neutral_density: 1020}",
             "ballast: found {'volume': 0.07, 'neutral_density': 1020}; expected volume or neutral_density, not both",
         ),
+        (
+            "vehicle: p\nballast: {mass: 70, volume: 0.7}",
+            "ballast: found {'mass': 70, 'volume': 0.7}; "
+            "expected a mass in kg and a volume in m3 that are 900 to 1100 kg/m3 together",
+        ),
+        ("vehicle: p\nballast: {mass: 70000}", "ballast.mass: found 70000; expected less than 5000"),
+        ("vehicle: p\nballast: {volume: 68.5}", "ballast.volume: found 68.5; expected less than 5"),
     ],
 )  # fmt: skip
 def test_a_value_out_of_range_is_told_what_is_expected(refusal: Refusal, text: str, line: str) -> None:
@@ -184,7 +191,10 @@ def test_bytes_that_are_no_text_are_refused_in_one_line(folder: Path) -> None:
     (folder / "mission.yaml").write_bytes(b"vehicle: \xff\xfe")
     with pytest.raises(InputError) as error:
         mission.load(folder)
-    assert str(error.value) == "trial/mission.yaml: found text that is not YAML; expected key: value"
+    assert str(error.value) == (
+        "trial/mission.yaml: found text that is not UTF-8; expected key: value; "
+        "save it as UTF-8, or write it without accents"
+    )
 
 
 def test_a_yaml_that_contains_itself_is_refused_in_one_line(refusal: Refusal) -> None:

@@ -79,6 +79,8 @@ _PREFIXES = {
     "precise",
 }
 
+#: What `pipeline.ingest.text` adds to a name that comes again.
+_REPEATED = re.compile(r" #\d+$")
 _TIME_UNITS = {"s", "ms", "us", "ns"}
 
 
@@ -89,7 +91,7 @@ def quantity(header: str) -> tuple[str | None, str | None]:
     ``Pressure (dbar)``, ``pitch_deg``, ``Temp [°C]``, ``GPCTD_PRESSURE``, ``WaterTemperature``; single letters only
     as they are usually written (``P``, ``T``, ``z``); and ``<name>_qc`` for a flag.
     """
-    text = header.strip()
+    text = _REPEATED.sub("", header).strip()
     bracket = re.match(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]\s*$", text)
     if bracket and bracket[1].strip():
         bare, unit = bracket[1].strip(), bracket[2].strip() or None

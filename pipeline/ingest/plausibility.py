@@ -114,7 +114,7 @@ def with_engine_checked(table: pd.DataFrame, source: dict[str, str]) -> tuple[pd
         f"an engine volume {-1e6 * stroke:.3g} cm3 larger on dives than on climbs",
         "volume with light positive",
         "flagged bad and not used; if its sign is reversed, give its unit with a minus sign (-cc) under files: in "
-        "mission.yaml",
+        "mission.yaml; or are the clocks of engine and pressure in different zones?",
     )
     flag = np.where(np.isfinite(table["buoyancy_volume"]), Quality.BAD, Quality.MISSING).astype(np.int8)
     return table.assign(buoyancy_volume_qc=flag), [finding]
@@ -167,7 +167,8 @@ def checked(table: pd.DataFrame, pressure_source: dict[str, str], pitch_source: 
                 f"column '{pitch_source['column']}'",
                 "nose up on the way down",
                 "pitch with nose up positive",
-                "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml",
+                "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml; "
+                "or are the clocks of pitch and pressure in different zones?",
             )
         ]
     return []

@@ -87,7 +87,7 @@ def sniff(path: Path) -> Layout | None:
     units = [""] * len(names)
     skipped = start + 1
     if body and _is_unit_line(_fields(body[0], separator), len(names)):
-        units = _fields(body[0], separator)
+        units = [field.strip("()[] ") for field in _fields(body[0], separator)]
         skipped += 1
         body = body[1:]
         sizes = _fields(body[0], separator) if body else []
@@ -272,7 +272,7 @@ def _is_unit_line(fields: list[str], width: int) -> bool:
 
 
 def _is_unit(field: str) -> bool:
-    return spelling(field) in UNITS or field.upper() in ("UTC", "GMT") or " since " in field
+    return spelling(field.strip("()[]")) in UNITS or field.upper() in ("UTC", "GMT") or " since " in field
 
 
 def _unique(names: list[str]) -> list[str]:

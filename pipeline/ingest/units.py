@@ -200,7 +200,8 @@ def known(name: str, unit: str) -> bool:
 def convert(values: Array, name: str, unit: str, file: str, column: str) -> Array:
     """Return `values`, shape (n,), of quantity `name` in the unit of the records.
 
-    A unit with a leading minus sign (``-deg``, ``-cm3``) reverses the sign: pitch nose down, ballast heavy.
+    A unit with a leading minus sign (``-deg``, ``-cm3``) reverses the sign: pitch nose down, ballast heavy. Pitch and
+    roll that run from 0 to 360° come out within ±180°.
 
     Raises
     ------
@@ -224,18 +225,22 @@ def convert(values: Array, name: str, unit: str, file: str, column: str) -> Arra
         degrees = np.trunc(values / 100.0)
         return np.asarray(sign * (degrees + (values - 100.0 * degrees) / 60.0))
     factor, offset = dimension.units[key]
-    return np.asarray(sign * (values * factor + offset))
+    found = np.asarray(sign * (values * factor + offset))
+    if name in ("pitch", "roll"):
+        turned = (np.abs(found) > math.pi) & (np.abs(found) <= 2 * math.pi)
+        found = np.where(turned, found - np.copysign(2 * math.pi, found), found)
+    return found
 
 
 def by_range(values: Array, name: str) -> str:
     """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
 
-    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per
-    second; temperatures around 300 are kelvin; conductivity above 8 is mS/cm and above 200
-    µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05 litres; battery positions beyond 2
-    are mm; propeller speeds beyond 60 are rpm; battery voltages beyond 1000 are mV; speeds beyond 5 are cm/s; positions
-    beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together; depths below
-    zero are heights. Else the unit of the records.
+    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per second;
+    temperatures around 300 are kelvin and beyond 45 degrees Fahrenheit; conductivity above 8 is mS/cm and above 200
+    µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05 litres; battery positions beyond
+    2 are mm; propeller speeds beyond 60 are rpm; battery voltages beyond 1000 are mV; speeds beyond 5 are cm/s;
+    positions beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together; depths below zero are
+    heights. Else the unit of the records.
     """
     import numpy as np
 
@@ -251,7 +256,7 @@ def by_range(values: Array, name: str) -> str:
         case "heading":
             return "deg" if top > 6.4 else "rad"
         case "temperature":
-            return "k" if middle > 200 else "degc"
+            return "k" if middle > 200 else "degf" if middle > 45 else "degc"
         case "conductivity":
             return "us/cm" if middle > 200 else "ms/cm" if middle > 8 else "s/m"
         case "buoyancy_volume":

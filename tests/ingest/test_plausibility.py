@@ -74,7 +74,8 @@ def test_a_pitch_with_nose_down_positive_is_doubted(fly: Fly, table_of: TableOf)
     table = table_of(fly([0.0, *[200.0, 5.0] * 2]))
     assert _check(table.assign(pitch=-table["pitch"])) == [
         "attitude.csv: column 'Pitch': found nose up on the way down; expected pitch with nose up positive; "
-        "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml"
+        "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml; "
+        "or are the clocks of pitch and pressure in different zones?"
     ]
 
 
@@ -90,7 +91,7 @@ def test_an_engine_logged_larger_on_dives_than_on_climbs_is_flagged_bad(fly: Fly
     assert [str(finding) for finding in findings] == [
         "engine.csv: column 'ballast': found an engine volume 460 cm3 larger on dives than on climbs; "
         "expected volume with light positive; flagged bad and not used; if its sign is reversed, give its unit with a "
-        "minus sign (-cc) under files: in mission.yaml"
+        "minus sign (-cc) under files: in mission.yaml; or are the clocks of engine and pressure in different zones?"
     ]
 
 

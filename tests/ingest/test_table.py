@@ -103,6 +103,10 @@ def test_headers_people_write_are_understood(header: str, name: str | None, unit
         ("pitch_rate", 180.0, "-dps", -np.pi),
         ("pitch_rate", 0.5, "rad s-1", 0.5),
         ("pitch", 180.0, "-deg", -np.pi),
+        ("pitch", 335.0, "deg", np.radians(-25.0)),
+        ("pitch", 335.0, "-deg", np.radians(25.0)),
+        ("pitch", 1000.0, "deg", np.radians(1000.0)),
+        ("roll", 5.0, "rad", 5.0 - 2 * np.pi),
         ("propeller_speed", 780.0, "rpm", 13.0),
         ("propeller_speed", 13.0, "Hz", 13.0),
         ("buoyancy_volume", 230.0, "cc", 230e-6),
@@ -142,6 +146,7 @@ def test_an_unknown_unit_names_the_nearest() -> None:
         ("heading", [3.0, 350.0], "deg"),
         ("heading", [0.1, 6.2], "rad"),
         ("temperature", [283.0, 290.0], "k"),
+        ("temperature", [48.0, 64.0], "degf"),
         ("conductivity", [42.0, 43.0], "ms/cm"),
         ("conductivity", [4.2, 4.3], "s/m"),
         ("conductivity", [42000.0], "us/cm"),
@@ -397,6 +402,11 @@ def test_of_two_columns_for_one_quantity_the_one_that_changes_is_taken(
     )
 
 
+def test_of_two_columns_of_one_name_the_one_that_changes_is_taken(make: Callable[..., Mission]) -> None:
+    (stream,) = table.read(make({"a.csv": f"time,P,P\n{START},0,5.5\n{START + 1},0,6\n"})).streams
+    assert stream["pressure"].tolist() == [5.5, 6.0]
+
+
 def test_fixes_go_before_dead_reckoned_positions_and_the_pressure_of_the_ctd_before_another(
     make: Callable[..., Mission],
 ) -> None:
@@ -556,6 +566,7 @@ def test_broken_lines_and_fields_cost_those_and_are_counted(make: Callable[..., 
         "% logger 7\nOperator: us\n\ntime,P\n1466553600,5.5\n1466553601,\n",
         "#time,P\n1466553600,5.5\n1466553601,\n",
         "trajectory,time,P,salinity\n,UTC,dbar,1\nru29,2016-06-22T00:00:00Z,5.5,35\nru29,2016-06-22T00:00:01Z,NaN,35\n",
+        "time,P\n(UTC),(bar)\n1466553600,0.55\n1466553601,\n",
         "time,P,state\nUTC,bar,-\n1466553600,0.55,1\n1466553601,,1\n",
         "time,P\rUTC,dbar\r1466553600,5.5\r1466553601,\r",
     ],
