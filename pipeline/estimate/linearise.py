@@ -240,7 +240,7 @@ def _fill(
         elif quick:
             q_v = s.speed_drift_gentle if gentle else s.speed_drift_manoeuvre
         elif math.isnan(met):
-            q_v = s.speed_drift_blind
+            q_v = s.speed_drift_blind * s.unsteadiness
         else:
             turned = slopes.turned[k]
             q_v = s.speed_drift + (s.stratification * v) ** 2 * met

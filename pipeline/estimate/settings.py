@@ -21,7 +21,9 @@ class Settings(NamedTuple):
     gyro_bias: float = math.radians(0.5)  # rad/s, 1-sigma of the bias of a gyro
     gyro_bias_drift: float = math.radians(0.02) ** 2 / 3600.0  # rad2/s3, random walk of it
     current_drift: float = 7e-7  # m2/s3, random walk of the current
-    unsteadiness: float = 0.5  # factor on the variances by which V departs from a steady glide: the three below
+    unsteadiness: float = (
+        0.5  # factor on the variances by which V departs from a steady glide, with density known or not
+    )
     speed_drift: float = 1e-7  # m2/s3, random walk of V in steady flight in homogeneous water
     speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
     speed_drift_manoeuvre: float = 3e-3  # m2/s3
