@@ -612,6 +612,21 @@ def test_files_of_a_seaexplorer_are_plain_tables_by_their_names(tmp_path: Path, 
     assert table.recognises(tmp_path / name)
 
 
+def test_dates_of_a_seaexplorer_have_the_day_first(make: Callable[..., Mission]) -> None:
+    text = "Timestamp;Pitch;\n08/09/2020 17:45:56;-25.5;\n08/09/2020 17:46:16;-25.1;\n"
+    (stream,) = table.read(make({"sea063.22.gli.sub.1.gz": gzip.compress(text.encode())})).streams
+    assert stream["time"].iloc[0] == pd.Timestamp("2020-09-08T17:45:56Z").timestamp()
+
+
+def test_seaexplorer_logs_need_no_mapping(data: Path, make: Callable[..., Mission]) -> None:
+    files = {path.name: path.read_bytes() for path in sorted((data / "seaexplorer/sea063_ad2cp").glob("*.gz"))}
+    attitude, ctd = table.read(make(files)).streams
+    assert (len(attitude), len(ctd)) == (271, 164)
+    assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
+    assert ctd["conductivity"].median() == pytest.approx(1.5, abs=1.0)  # the Baltic: 8 to 20 mS/cm
+    assert "speed_through_water" not in ctd
+
+
 def test_a_quoted_field_may_hold_the_separator_and_broken_lines_are_named_by_their_place(
     make: Callable[..., Mission],
 ) -> None:
