@@ -34,7 +34,7 @@ TRIAL_SEEDS = range(3)
 
 
 def main() -> int:
-    """Print coverage, NEES and NIS of the fleet, class by class, and the trials; return 1 if a mission failed."""
+    """Print coverage, NEES and NIS of the fleet, class by class, and the trials; return 1 if any fails."""
     arguments = _arguments()
     began = time.perf_counter()
     rows, failures = _fleet(range(arguments.first, arguments.first + arguments.missions))
@@ -54,7 +54,8 @@ def main() -> int:
         print(json.dumps(results, indent=1))
     else:
         _show(results)
-    return 1 if failures else 0
+    said = [verdict["pass"] for summary in results["methods"].values() for verdict in summary["verdicts"]]
+    return 1 if failures or not all(said) else 0
 
 
 def _arguments() -> argparse.Namespace:

@@ -32,8 +32,9 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 import pandas as pd
 from numba.extending import is_jitted
-from truth import MISSIONS, lay_out, score_comet
 
+from benchmarks import peer
+from benchmarks.truth import MISSIONS, lay_out, score_comet
 from pipeline import instruments, mission, simulate, store, trials, vehicle
 from pipeline.estimate import force, linearise, smoother, stage
 from pipeline.estimate.ballast import hull
@@ -208,8 +209,6 @@ def by_filterpy(glide: Glide) -> np.ndarray:
 
 def beside_filterpy(glide: Glide) -> bool:
     """Print how much faster one pass of model, filter and smoother is than by filterpy's EKF with a Python model."""
-    import peer
-
     few = glide.part(0, FEW)
     start = float(few.at.speed[0])
 
@@ -232,9 +231,9 @@ def beside_filterpy(glide: Glide) -> bool:
     return said(f"at least {LEAST_PEER:.0f} times faster", f"{theirs / ours:.0f} times", theirs > LEAST_PEER * ours)
 
 
-def solve_half(k: int) -> None:
-    """Linearise and solve the half `k` of a mission."""
-    smoother.solve(HALVES[k].by_polar())
+def solve_half(k: int) -> float:
+    """Linearise and solve the half `k` of a mission; return the logarithm of likelihood."""
+    return smoother.solve(HALVES[k].by_polar()).log_likelihood
 
 
 def two_threads(glide: Glide) -> bool:

@@ -297,11 +297,11 @@ def about(name: str, data: Path, raw: Path) -> dict[str, list[float]]:
             print(f"    w, stored solution: {_waters(met.stored, met)}")
         if powered(found.records).any():
             glide = predicted(split.measured, fitted(without_thrust(real), split.fitted))
-            pair = [water(split.measured, one, None, everywhere=True) for one in (table, glide)]
+            pair = [water(split.measured, flown, None, everywhere=True) for flown in (table, glide)]
             share = rms(pair[0].model) / rms(pair[1].model)
             figures.setdefault(THRUST, []).append(share)
-            for how, one in zip(("with thrust", "by the same fit without"), pair, strict=True):
-                print(f"    w of all flight below the surface, {how}: {_waters(one.model, one)}")
+            for how, moved in zip(("with thrust", "by the same fit without"), pair, strict=True):
+                print(f"    w of all flight below the surface, {how}: {_waters(moved.model, moved)}")
         seen = water(split.fitted, predicted(split.fitted, prepared), found.stored)
         print(f"    w, predicted, of the dives fitted on: {_waters(seen.model, seen)}")
         for line in parameters(prepared):

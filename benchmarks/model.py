@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -117,7 +118,7 @@ def region_of_attraction() -> None:
     """Print the time of a map of 300 x 300 starts, 300 s each, what a plain scipy loop would take, and its verdicts."""
     state = equilibrium(load("petrel-ii"), 7.0, thrust=7.0, hold="propeller_speed")
     speeds, angles = np.linspace(-0.9, 0.9, MAP), np.linspace(-3.1, 3.1, MAP)
-    plane = {"speed": speeds[None, :], "path_angle": angles[:, None]}
+    plane: dict[str, Any] = {"speed": speeds[None, :], "path_angle": angles[:, None]}
     attraction(state)
     taken = best(lambda: attraction(state, **plane), 2)
     deep = best(lambda: attraction(state, depth=1e-4, **plane), 1)

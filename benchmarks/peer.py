@@ -11,17 +11,18 @@ import math
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from pipeline.estimate.linearise import SPAN, STEEPEST_TURN, depth_at_start, integrated
+from pipeline.estimate.linearise import SPAN, STEEPEST_TURN, depth_at_start
+from pipeline.estimate.linearise import integrated as compiled
 from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Settings
 from pipeline.model import closure
 from pipeline.vehicle import Polar
 
 SEEN = np.eye(6)[[2, 1]]  # depth and pitch of V, θ, z, w_w, δ, κ
-integrated = integrated.py_func
+integrated = compiled.py_func
 
 
-class Glider(ExtendedKalmanFilter):
+class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
     """V, θ, z, w_w, δ and κ of a glider; needs the closure as plain Python."""
 
     def __init__(self, series: Series, polar: Polar, settings: Settings, speed: float) -> None:

@@ -179,7 +179,8 @@ def expected(planned: Campaign) -> float:
 def planned_blocks(planned: Campaign) -> pd.DataFrame:
     """Return the steady blocks to be expected of the orders, by the vehicle of the file in still water."""
     craft = planned.craft
-    clock, rows = 0.0, []
+    clock = 0.0
+    rows: list[dict[str, Any]] = []
     for dive, leg in enumerate(planned.legs, 1):
         for side, rpm in ((-1, leg.rpm_down), (1, leg.rpm_up)):
             pitch, force = side * math.radians(leg.pitch), side * leg.force
@@ -307,7 +308,7 @@ def flight_of(planned: Campaign) -> Flight:
         battery_offset=-changes.get("battery trim", 0.0),
     )
     return Flight(
-        planned.number, _plan(planned, craft), injection, planned.pitch_std_deg, planned.ballast_std, True, "", draws
+        planned.number, 0, _plan(planned, craft), injection, planned.pitch_std_deg, planned.ballast_std, True, "", draws
     )
 
 
@@ -487,23 +488,24 @@ def _colour(whiten: Whitener, white: np.ndarray) -> np.ndarray:
 
 
 def main() -> int:
-    """Print what was found of what was injected, PASS or FAIL for each claim; return 1 if a campaign failed."""
+    """Print what was found of what was injected, PASS or FAIL for each claim; return 1 if any fails."""
     arguments = _arguments()
     began = time.perf_counter()
     rows, failures = _all(range(arguments.first, arguments.first + arguments.campaigns), arguments.draws)
     seconds = time.perf_counter() - began
     claims = verdicts(rows)
+    code = 1 if failures or not all(passed for passed, _ in claims) else 0
     if arguments.json:
-        text = {"seconds": seconds, "failures": failures, "claims": claims, "campaigns": rows}
-        print(json.dumps(text, indent=1))
-        return 1 if failures else 0
+        content = {"seconds": seconds, "failures": failures, "claims": claims, "campaigns": rows}
+        print(json.dumps(content, indent=1))
+        return code
     print(f"{len(rows)} campaigns, numbers from {arguments.first}, {arguments.draws} draws each, in {seconds:.0f} s")
     for failure in failures:
         print(f"failed: {failure}")
     _show(rows)
     for passed, text in claims:
         print(f"{'PASS' if passed else 'FAIL'} {text}")
-    return 1 if failures else 0
+    return code
 
 
 def _arguments() -> argparse.Namespace:

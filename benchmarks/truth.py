@@ -18,7 +18,7 @@ from pipeline.estimate.ballast import hull
 from pipeline.estimate.stage import Estimated, estimate
 from pipeline.ingest import ingest
 from pipeline.mission import Mission
-from pipeline.records import RECORDS, Quality, conform, seconds, timestamps
+from pipeline.records import RECORDS, Quality, conform, of_method, seconds, timestamps
 from pipeline.roster import resolve_vehicle
 from pipeline.vehicle import Vehicle, from_seaglider
 
@@ -125,8 +125,8 @@ def by_unadjusted_force(real: Real, vehicle: Vehicle) -> pd.DataFrame:
     if prepared.adjusted is None:
         raise ValueError(f"force model: {prepared.reason}")
     prepared = prepared._replace(adjusted=adjust.unadjusted(prepared.adjusted))
-    table = pd.concat([part.estimates for part in stage.solved([real.records], prepared)], ignore_index=True)
-    return table[table["method"] == "force"].reset_index(drop=True)
+    tables = [table for part in stage.solved([real.records], prepared) for table in part.estimates]
+    return of_method(pd.concat(tables), "force")
 
 
 def with_stored_polar(real: Real) -> Vehicle:
