@@ -178,16 +178,22 @@ def _cube(block: int, again: int) -> np.ndarray:
 def perturbed(craft: Vehicle, draws: Mapping[str, float]) -> Vehicle:
     """Return `craft` with every coefficient off its value by as many 1-sigma as `draws` has under its name.
 
-    A coefficient that is not zero keeps its sign: it is log-normal with the file's value as mean and the file's 1-sigma
-    as standard deviation. One that is zero is normal.
+    See `spread` for how they are distributed.
     """
-    changes: dict[str, float] = {}
-    for name, (value, std) in _open(craft).items():
-        changes[name] = draws[name] * std
-        if value:
-            width = math.log1p((std / value) ** 2)
-            changes[name] = value * math.exp(draws[name] * math.sqrt(width) - 0.5 * width)
+    changes = {name: spread(value, std, draws[name]) for name, (value, std) in _open(craft).items()}
     return craft.with_values(changes, "drawn around the vehicle file")
+
+
+def spread(value: float, std: float, draw: float) -> float:
+    """Return a coefficient that is `draw` 1-sigma off its value.
+
+    One that is not zero keeps its sign: it is log-normal with the value as mean and `std` as standard deviation. One
+    that is zero is normal.
+    """
+    if not value:
+        return draw * std
+    width = math.log1p((std / value) ** 2)
+    return value * math.exp(draw * math.sqrt(width) - 0.5 * width)
 
 
 def used(craft: Vehicle, draws: Mapping[str, float]) -> dict[str, float]:

@@ -35,7 +35,7 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.fleet import Flight, complete, fly, perturbed, standard_normal, used, vehicles
+from benchmarks.fleet import Flight, complete, fly, perturbed, spread, standard_normal, used, vehicles
 from pipeline import vehicle, workers
 from pipeline.estimate.stage import InMemory, Summary, stream
 from pipeline.model.closure import glide_angle
@@ -45,7 +45,7 @@ from pipeline.plan import Plan, Stage, Water
 from pipeline.records import BLOCKS, conform, timestamps
 from pipeline.report.covariance import Whitener
 from pipeline.report.fitting.causes import CAUSES
-from pipeline.report.fitting.evidence import information, posterior, separation, stated, with_cause
+from pipeline.report.fitting.evidence import Prior, information, posterior, separation, stated, with_cause
 from pipeline.report.fitting.fit import fit
 from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank
@@ -450,9 +450,9 @@ def drawn(planned: Campaign, draws: int) -> list[dict[str, Any]]:
         change[column] = planned.change
     out = []
     for _ in range(draws):
-        x = change + known.root @ rng.standard_normal(known.root.shape[1])
+        x = change + _off(planned.craft, names, known, rng)
         while (problem.evaluate(x)[0] == LOST).any():  # a vehicle that cannot fly its orders
-            x = change + known.root @ rng.standard_normal(known.root.shape[1])
+            x = change + _off(planned.craft, names, known, rng)
         seen = _seen(blocks, problem, x, rng)
         row = scored(planned, seen, dict(zip(names, x, strict=True)), planned.settings)
         if planned.kind != "cannot":
@@ -460,6 +460,16 @@ def drawn(planned: Campaign, draws: int) -> list[dict[str, Any]]:
             row |= {"error": float(found.x[column] - x[column]), "std": math.sqrt(found.covariance[column, column])}
         out.append(row)
     return out
+
+
+def _off(craft: Vehicle, names: Sequence[str], known: Prior, rng: np.random.Generator) -> np.ndarray:
+    """Return how far unknowns are from what is stated, drawn: coefficients as those of the vehicles that are flown."""
+    x: np.ndarray = known.root @ rng.standard_normal(known.root.shape[1])
+    for i, name in enumerate(names):
+        value, std = (craft[name], float(np.linalg.norm(known.root[i]))) if name in craft.coefficients else (0.0, 0.0)
+        if value and std:
+            x[i] = spread(value, std, x[i] / std) - value
+    return x
 
 
 def _seen(blocks: pd.DataFrame, problem: Problem, x: np.ndarray, rng: np.random.Generator) -> pd.DataFrame:
