@@ -38,6 +38,8 @@ WATER = 0.015
 SETTLING, LEADING, SHARE = 75.0, 45.0, 0.25
 #: Noise is read off at least this many samples; the ordinary one counts as much as so many.
 FEWEST, ORDINARY = 20, 100.0
+#: Its random walk shows in second differences over one of so many samples.
+LAGS = (8, 4, 2)
 #: Bounds of the noise of pitch (rad) and of its random walk (rad²/s) as they are read off.
 QUIETEST = (math.radians(0.05), math.radians(0.01) ** 2)
 LOUDEST = (math.radians(2.0), math.radians(0.5) ** 2)
@@ -291,19 +293,27 @@ def _noise_and_drift(
 ) -> tuple[float, float, int]:
     """Return the 1-sigma of white noise and the random-walk intensity of a series with a linear trend, and of how many.
 
-    From third differences (a cubic cancels) and from second differences over eight samples, both by their median
-    absolute value: white noise of variance r and a walk of q a sample give 20 r + 6 q and 6 r + 16 q. Of the samples
-    `where` flight is steady; of all if those are few; `usual` if all are few.
+    From third differences (a cubic cancels) and from second differences over L samples, both by their median absolute
+    value: white noise of variance r and a walk of q a sample give 20 r + 6 q and 6 r + 2 L q. Of stretches of samples
+    `where` flight is steady, L as long as enough of them are; of all samples if those are few; `usual` if all are few.
     """
-    known = np.isfinite(value) & where
-    if known.sum() < FEWEST:
-        known = np.isfinite(value)
-    if known.sum() < FEWEST:
+    known = np.isfinite(value)
+    x, t, calm = value[known], time[known], where[known]
+    if np.sum(_unbroken(calm, 3)) < FEWEST:
+        calm = np.ones_like(calm)
+    if np.sum(_unbroken(calm, 3)) < FEWEST:
         return *usual, 0
-    x, t = value[known], time[known]
-    lag = 8
-    short = (float(np.median(np.abs(np.diff(x, 3)))) / 0.6745) ** 2
-    long = (float(np.median(np.abs(x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]))) / 0.6745) ** 2
-    step = max(float(np.median(t[lag:] - t[:-lag])) / lag, 1e-3)
+    lag = next((lag for lag in LAGS if np.sum(_unbroken(calm, 2 * lag)) >= FEWEST), LAGS[-1])
+    short = (float(np.median(np.abs(np.diff(x, 3)[_unbroken(calm, 3)]))) / 0.6745) ** 2
+    bend = x[2 * lag :] - 2.0 * x[lag:-lag] + x[: -2 * lag]
+    within = _unbroken(calm, 2 * lag)
+    long = (float(np.median(np.abs(bend[within]))) / 0.6745) ** 2
+    step = max(float(np.median((t[2 * lag :] - t[: -2 * lag])[within])) / (2 * lag), 1e-3)
     walk = max((20.0 * long - 6.0 * short) / (20.0 * 2.0 * lag - 36.0), 0.0)
-    return float(np.sqrt(max(short - 6.0 * walk, 0.0) / 20.0)), walk / step, int(known.sum())
+    return float(np.sqrt(max(short - 6.0 * walk, 0.0) / 20.0)), walk / step, int(calm.sum())
+
+
+def _unbroken(calm: np.ndarray, span: int) -> np.ndarray:
+    """Return which samples, but the last `span`, are calm and so many after them, boolean of shape (n - span,)."""
+    past = np.cumsum(~calm)
+    return np.asarray(calm[:-span] & (past[span:] == past[:-span]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import arrays
 import dives
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
 from pipeline.estimate.linearise import Sources, follow, linearise
-from pipeline.estimate.noise import covariance, fill_left_open, levelled, moved
+from pipeline.estimate.noise import covariance, fill_left_open, levelled, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
@@ -70,6 +71,24 @@ def test_what_is_not_known_of_the_water_widens_the_intervals_of_speed_and_water(
     assert (here.std >= there.std * (1.0 - 1e-12)).all()
     under = ~series.afloat
     assert np.mean(here.std[4, under]) > np.mean(there.std[4, under])
+
+
+@pytest.mark.parametrize("length", [400, 40, 12])
+def test_how_steep_each_leg_is_passes_for_no_random_walk(length: int) -> None:
+    """Legs between turns, each as steep as it likes, with white noise of 0.1° and a walk of 0.02° a sample."""
+    rng, legs, turn = np.random.default_rng(4), 4000 // length, 6
+    pitch, quick = [], []
+    for leg in range(legs):
+        walk = np.cumsum(rng.normal(0.0, 0.02, length))
+        pitch.append((-1) ** leg * rng.uniform(15.0, 45.0) + walk + rng.normal(0.0, 0.1, length))
+        quick.append(np.zeros(length, dtype=bool))
+        pitch.append(rng.uniform(-45.0, 45.0, turn))
+        quick.append(np.ones(turn, dtype=bool))
+    degrees, manoeuvre = np.concatenate(pitch), np.concatenate(quick)
+    series = arrays.series(3.0 * np.arange(degrees.size), np.radians(degrees))
+    found = noise_from(replace(series, manoeuvre=manoeuvre))
+    assert np.degrees(found.pitch_noise) == pytest.approx(0.1, rel=0.1)
+    assert np.degrees(np.sqrt(3.0 * found.pitch_drift)) == pytest.approx(0.02, abs=0.02)
 
 
 def test_a_mission_known_twice_as_badly_leaves_more_open() -> None:
