@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from multiprocessing import parent_process
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -41,7 +42,7 @@ UNREAD: dict[str, set[str]] = {
 
 ERROR_LOG = "error.log"
 #: What takes longest to be loaded, in the order in which it is needed: loaded while compiled code reads the logs.
-SLOWLY_LOADED = ("scipy.signal", "pipeline.estimate.stage")
+SLOWLY_LOADED = ("scipy.signal", "pipeline.estimate.stage", "pipeline.report.summary", "pipeline.report.page")
 
 
 def stage_key(job: Job, stage: str) -> dict[str, Any]:
@@ -127,7 +128,8 @@ def _ingest(job: Job, mission: Mission, described: Mapping[str, Any]) -> None:
     from pipeline.ingest import ingest
     from pipeline.records import RECORDS, STORED
 
-    Thread(target=lambda: [import_module(name) for name in SLOWLY_LOADED]).start()
+    if parent_process() is not None:  # a worker, which later stages are for
+        Thread(target=lambda: [import_module(name) for name in SLOWLY_LOADED]).start()
     result = ingest(mission)
     store.write_table(job.path("records.parquet"), result.records, RECORDS, {"mission": job.name})
     if result.stored is None:
