@@ -36,7 +36,7 @@ class Settings(NamedTuple):
     least_speed: float = 0.1  # m/s, below which V no longer falls faster
     pitch_drift_manoeuvre: float = math.radians(1.0) ** 2  # rad2/s
     slip: float = math.radians(0.1)  # rad, 1-sigma of δ in steady unpowered flight
-    slip_manoeuvre: float = math.radians(1.0)
+    slip_manoeuvre: float = math.radians(0.7)
     slip_manoeuvre_force: float = math.radians(0.3)  # rad, 1-sigma of what the lift balance leaves of α in manoeuvres
     settling: float = 0.5  # s in which α settles: what a turning vehicle's α is off the lift balance, over pitch rate
     slip_time: float = 15.0  # s
