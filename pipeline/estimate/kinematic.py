@@ -93,7 +93,7 @@ def prepare(
     """
     sources = Sources(mission.speed_sensor == "use", fixes)
     settings = noise_from(series)._replace(speed_scale=mission.speed_sensor_scale_std)
-    polar = vehicle.polar
+    polar = _ratios(vehicle.polar)
     if any(math.isnan(value) for value in polar):
         return Model(polar, *_considered(vehicle, mission), Noise(settings), sources, solve)
     at = iterate(series, polar, settings, first_guess(series, polar), sources, solve, ROUGH)
@@ -149,11 +149,18 @@ def _considered(vehicle: Vehicle, mission: Mission) -> tuple[list[str], Consider
     """Return what is not exactly known: names, and the polars moved by 1-sigma up and down."""
     polar = vehicle.polar
     names = [name for name in BORROWED[1:] if vehicle.std(name) > 0.0]
-    moved = [[polar._replace(**{name: value}) for value in _moved(vehicle, name)] for name in names]
+    moved = [[_ratios(polar._replace(**{name: value})) for value in _moved(vehicle, name)] for name in names]
     pitch = float(np.radians(mission.pitch.std_deg))
     return ["pitch", *names, "speed_by_pitch"], Considered(
         pitch, np.array(moved, dtype=np.float64).reshape(-1, 2, len(polar))
     )
+
+
+def _ratios(polar: Polar) -> Polar:
+    """Return `polar` per parasite drag, to twelve digits: on more than ratios nothing depends, not even by rounding."""
+    unit = polar.parasite_drag if polar.parasite_drag > 0.0 else math.nan
+    ratios = [float(f"{value / unit:.12g}") for value in polar[:-1]]
+    return Polar._make([*ratios, polar.drag_exponent])
 
 
 def _moved(vehicle: Vehicle, name: str) -> tuple[float, float]:

@@ -114,8 +114,7 @@ def test_a_common_factor_on_all_coefficients_changes_nothing(trial: Callable[[st
     before = estimate(records, case.vehicle, case.mission).estimates
     after = estimate(records, case.vehicle.with_values(values, "scaled"), case.mission).estimates
     for name in ("speed", "speed_std", "angle_of_attack", "angle_of_attack_std"):
-        # 0.9, 1.1 and 3 are rounded, and α passes through zero: 1e-11 rad is 1e-9 of what it is elsewhere
-        np.testing.assert_allclose(after[name], before[name], rtol=1e-9, atol=1e-11, err_msg=name)
+        np.testing.assert_allclose(after[name], before[name], rtol=1e-12, atol=0.0, err_msg=name)
 
 
 def test_net_buoyancy_thrust_and_propeller_speed_do_not_reach_the_estimate(trial: Callable[[str], Trial]) -> None:
