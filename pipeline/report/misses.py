@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.records import TRIMS
 from pipeline.report import averages
 from pipeline.report.compare import DIRECTIONS, QUANTITIES, floats
+from pipeline.report.theil import SHARES
 
 TRIM_WORDS = {
     "pitch": "measured pitch held",
@@ -60,6 +61,7 @@ def _mean(row: Mapping[Any, Any]) -> dict[str, Any]:
         **scaled,
         "relative_error_percent": 100.0 * row["relative_error"] if unit == "cm/s" else math.nan,
         "significance": row["significance"],
+        **{f"{name}_percent": 100.0 * row[name] for name in SHARES},
         "label": row["label"],
         "why": row["why"],
     }

@@ -38,6 +38,15 @@ def test_independent_noise_averages_out_by_the_square_root():
     assert row["relative_error"] == pytest.approx(0.04)
 
 
+def test_the_mean_square_error_is_split_unless_the_comparison_is_circular():
+    spread = comparisons([0.01, 0.03, 0.02, 0.02], measured=np.array([0.5, 0.4, 0.45, 0.3]))
+    spread["predicted"] = spread["measured"] + spread["error"]
+    row = means(spread, SETTINGS).iloc[0]
+    assert row["offset_share"] == pytest.approx(0.02**2 / np.mean(np.square([0.01, 0.03, 0.02, 0.02])))
+    assert row["offset_share"] + row["slope_share"] + row["scatter_share"] == pytest.approx(1.0)
+    assert means(spread.assign(label="circular"), SETTINGS)[["offset_share", "slope_share"]].isna().all(axis=None)
+
+
 def test_what_blocks_share_does_not_average_out():
     row = means(comparisons([0.01] * 9, shared=0.03), SETTINGS).iloc[0]
     assert row["u_val"] == row["predicted_std"] == pytest.approx(0.03)
