@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from pipeline.records import ESTIMATES, seconds, usable
+from pipeline.records import ESTIMATES, conform, seconds, usable
 from pipeline.report.compare import floats
 from pipeline.report.figures.drawing import (
     FORCE,
@@ -155,7 +155,7 @@ def flight(
         figure.align_ylabels(list(axes.values()))
         by_theory = bool(np.isfinite(floats(predictions, "speed")).any())
         words, caption = _words(panels, shown, lost, both=len(force) > 0, by_theory=by_theory)
-        table = pd.concat([table for _look, table in guesses])
+        table = pd.concat([conform(table, ESTIMATES) for _look, table in guesses])
         return picture(figure, "flight", words, caption, Drawn(table, ESTIMATES))
 
 
