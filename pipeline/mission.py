@@ -22,9 +22,18 @@ class _Strict(BaseModel):
 class PitchCorrection(_Strict):
     """Calibration of the attitude sensor: pitch = scale · logged + offset, with the 1-sigma that remains."""
 
-    scale: float = Field(1.0, gt=0.2, lt=5.0, description="factor on the logged pitch")
+    scale: float = Field(
+        1.0, gt=-5.0, lt=5.0, description="factor on the logged pitch, negative where nose down is positive"
+    )
     offset_rad: float = Field(0.0, gt=-0.5, lt=0.5, description="rad, added after scaling, nose up positive")
     std_deg: float = Field(0.3, ge=0.0, lt=10.0, description="degrees, 1-sigma of the remaining pitch bias")
+
+    @field_validator("scale")
+    @classmethod
+    def _not_flat(cls, scale: float) -> float:
+        if abs(scale) <= 0.2:
+            raise ValueError("a size greater than 0.2")
+        return scale
 
 
 class Ballast(_Strict):

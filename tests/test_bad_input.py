@@ -97,7 +97,8 @@ SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
                      NO_PRESSURE + "ctd.csv: record 1: found an absurd time (1e+103), and 820 of 820 records like it; "
                      "expected a time from 1990 to 2100; left out"),
     "no-table": (_write("ctd.csv", b"\x00\x01\x02"),
-                 NO_PRESSURE + "ctd.csv: found no table; expected a header line and records; file left out"),
+                 NO_PRESSURE + "ctd.csv: found no text; expected a header line and records; "
+                 "file left out; write it as CSV"),
     "empty-dbd": (_slocum(b""), "empty-dbd: found 1 Slocum file, none of them readable; "
                   "a.dbd: found an empty file; expected Slocum data; left out; copy the file again"),
     "no-dbd": (_slocum(b"hello\n"), "no-dbd: found 1 Slocum file, none of them readable; a.dbd: found no Slocum "

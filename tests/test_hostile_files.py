@@ -98,7 +98,9 @@ DAMAGED: dict[str, tuple[Spoil, str]] = {
     "no-engine": (_without_engine, "no buoyancy engine volume: no net buoyancy"),
     "no-salt": (_each(lambda table: table[["time", "pressure [dbar]"]], ("ctd.csv",)),
                 "no mass or no density: no net buoyancy"),
-    "constant-depth": (_each(lambda table: table.assign(**{"pressure [dbar]": 30.0}), ("ctd.csv",)), ""),
+    # Steep all the while: the sensor is dead, not the vehicle at rest.
+    "constant-depth": (_each(lambda table: table.assign(**{"pressure [dbar]": 30.0}), ("ctd.csv",)),
+                       "no mass or no density: no net buoyancy"),
     "surface": (_each(lambda table: table.assign(**{"pressure [dbar]": 0.2}), ("ctd.csv",)), ""),
     "unknown-lift": (lambda folder: (folder / "mission.yaml").write_text(MISSION.format("spray"), "utf-8") and None,
                      "lift and drag of the vehicle are not known"),

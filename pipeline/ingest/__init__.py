@@ -68,13 +68,7 @@ def recognise(mission: Mission) -> str:
         return formats[0]
     place = mission.folder.name or "mission"
     if not formats:
-        shown = ", ".join(path.name for path in others[:5]) + (" …" if len(others) > 5 else "")
-        raise InputError(
-            place,
-            found=f"no logs among {shown}" if others else "an empty folder",
-            expected="plain tables (.csv, .parquet), Slocum files (.dbd, .ebd …) or Seaglider files (p*.nc)",
-            remedy="put the logs beside mission.yaml",
-        )
+        raise _without_logs(mission, others)
     examples = ", ".join(
         f"{name} ({(found[name] or [Path(next(iter(mission.files), ''))])[0].name})" for name in formats
     )
@@ -83,6 +77,24 @@ def recognise(mission: Mission) -> str:
         found=f"logs of several formats: {examples}",
         expected="one format",
         remedy=f"set format: {' or '.join(formats)} in mission.yaml",
+    )
+
+
+def _without_logs(mission: Mission, others: list[Path]) -> InputError:
+    """Return what stops a mission of whose files, `others`, none is a log."""
+    from pipeline.ingest import unread
+
+    shown = ", ".join(path.name for path in others[:5]) + (" …" if len(others) > 5 else "")
+    below = sorted(path.name for path in mission.folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    found = f"no logs among {shown}" if others else "an empty folder"
+    if below and not others:
+        found = f"nothing but folders: {', '.join(below[:5])}" + (" …" if len(below) > 5 else "")
+    remedies = dict.fromkeys(todo for path in others if (todo := unread.remedy(path)[1]))
+    return InputError(
+        mission.folder.name or "mission",
+        found=found,
+        expected="plain tables (.csv, .parquet), Slocum files (.dbd, .ebd …) or Seaglider files (p*.nc)",
+        remedy="; ".join([*remedies, "put the logs beside mission.yaml"]),
     )
 
 
@@ -97,12 +109,15 @@ def input_files(mission: Mission) -> list[Path]:
     own = [mission.folder / FILE]
     if mission.vehicle.endswith((".yaml", ".yml")):
         own.append(mission.folder / mission.vehicle)
-    form = recognise(mission)
-    reader = _reader(form)
-    logs = reader.files(mission.folder)
-    if form == "table":
-        logs = sorted({*logs, *reader.named(mission)})
+    logs = _logs(mission, recognise(mission))
     return [path for path in own if path.is_file()] + [path for path in logs if path not in own]
+
+
+def _logs(mission: Mission, form: str) -> list[Path]:
+    """Return the logs of a mission: those by their names, and of plain tables those that mission.yaml names."""
+    reader = _reader(form)
+    logs: list[Path] = reader.files(mission.folder)
+    return sorted({*logs, *reader.named(mission)}) if form == "table" else logs
 
 
 def ingest(mission: Mission) -> Ingested:
@@ -146,12 +161,19 @@ def ingest(mission: Mission) -> Ingested:
     findings += notes
     if "heading" in table:
         table = table.assign(heading=np.mod(table["heading"], 2 * np.pi))
-    findings += plausibility.checked(table, _source(streams, "pressure"), _source(streams, "pitch"))
+    attitude = _source(streams, "pitch")
+    plausibility.require(table, _source(streams, "pressure"), attitude)
+    vouched = "buoyancy_volume" in table and _source(streams, "buoyancy_volume")["file"] == attitude["file"]
+    by_hand = mission.pitch.scale < 0
+    for step in ("correct", "check") if by_hand else ("check", "correct"):
+        if step == "check":
+            table, notes = plausibility.with_pitch_checked(table, attitude, vouched=vouched and not by_hand)
+        else:
+            table, notes = merge.with_pitch_correction(table, mission.pitch)
+        findings += notes
     if "buoyancy_volume" in table:
         table, doubts = plausibility.with_engine_checked(table, _source(streams, "buoyancy_volume"))
         findings += doubts
-    table, notes = merge.with_pitch_correction(table, mission.pitch)
-    findings += notes
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
     table, notes = merge.selected(table, mission.dives)
     findings += notes
@@ -194,13 +216,17 @@ def _present(mission: Mission) -> list[Path]:
 
 
 def _left_out(mission: Mission, form: str) -> list[Finding]:
-    """Return a note about plain tables lying beside the logs of another format."""
-    if form == "table":
-        return []
-    tables = [path.name for path in _reader("table").files(mission.folder)]
-    if not tables:
-        return []
-    return [Finding("note", ", ".join(tables), "", f"plain tables beside {form} files", "", "not read")]
+    """Return what is said about files beside the logs: plain tables beside those of another format, and all others."""
+    from pipeline.ingest import unread
+
+    read = set(_logs(mission, form))
+    tables = set() if form == "table" else set(_reader("table").files(mission.folder)) - read
+    truth = mission.folder / _reader("table").TRUTH
+    findings = unread.told([path for path in _present(mission) if path not in read | tables | {truth}])
+    if tables:
+        names = unread.listed(sorted(path.name for path in tables))
+        findings.append(Finding("note", names, "", f"plain tables beside {form} files", "", "not read"))
+    return findings
 
 
 def _label(frame: pd.DataFrame, k: int) -> str:

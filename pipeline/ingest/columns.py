@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
-from pipeline.ingest.headers import quantity
+from pipeline.ingest.headers import CALENDAR, calendar, is_magnetic, meant, quantity
 from pipeline.ingest.text import UNNAMED
 from pipeline.ingest.units import QUANTITIES, convert, known
 from pipeline.mission import Table, TableColumn
@@ -24,6 +24,14 @@ if TYPE_CHECKING:
 #: A date alone, a time of day alone.
 _DAY = re.compile(r"\d{4}[-/]\d{1,2}[-/]\d{1,2}|\d{1,2}[-/.](\d{1,2}|[A-Za-z]{3})[-/.]\d{4}|\d{8}")
 _HOUR = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|UTC|[AaPp][Mm])?")
+#: Hours and minutes before UTC, as a header states them; letters that are no unit of time, and not UTC.
+_OFFSET = re.compile(r"(?:UTC|GMT)\s*([+-])(\d{1,2})(?::?(\d{2}))?", re.IGNORECASE)
+_LETTERS = re.compile(
+    r"(?!(?:UTC|GMT|Z|ISO|[num]?s|secs?|mins?|h|hrs?|hours?|d|days?)$)[A-Z]{1,5}|(?:UTC|GMT)\s*[+-].*|local( time)?",
+    re.IGNORECASE,
+)
+#: A zone by its letters, which more than one zone has.
+_ABBREVIATED = re.compile(r"\d\s*([A-Z]{2,5})$")
 #: Two names of one quantity: where mission.yaml names one of them in a file, the other is not guessed there.
 _TWINS = {"depth": "pressure", "salinity": "conductivity"}
 
@@ -44,11 +52,14 @@ _OF_CTD = ("pressure", "temperature")
 Candidates = dict[str, tuple[Source, ...]]
 
 
-def match(columns: list[str], units: list[str], table: Table, file: str) -> tuple[Candidates, list[Finding]]:
+def match(
+    columns: list[str], units: list[str], table: Table, file: str, meanings: Mapping[str, str] | None = None
+) -> tuple[Candidates, list[Finding]]:
     """Return which columns of the file may be which canonical one: as mission.yaml says, else as the header suggests.
 
     Of positions those of a receiver (``gps``) come first, for many gliders log dead-reckoned ones beside them; of
-    pressures that of the sea, beside which some sensors log the absolute one.
+    pressures that of the sea, beside which some sensors log the absolute one. `meanings`, CF's standard names of the
+    columns, tell what no header names, and where a sign is the opposite.
     """
     sources: dict[str, list[Source]] = {}
     notes: list[Finding] = []
@@ -68,16 +79,22 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
                 expected=f"the column that mission.yaml names for {key}",
                 remedy=nearest(entry.column, columns),
             )
-        stated = units[columns.index(entry.column)] or quantity(entry.column)[1]
+        stated = _unit(entry.column, units[columns.index(entry.column)])
         sources[key] = [Source(entry.column, entry.unit or stated, entry.unit is None)]
     taken = {source.column for entry in sources.values() for source in entry} | set(table.ignore)
     left = []
+    meanings = meanings or {}
+    named_by_header = {quantity(column, below)[0] for column, below in zip(columns, units, strict=True)}
     twins = {twin for pair in _TWINS.items() for twin, other in (pair, pair[::-1]) if other in named}
     for column, below in zip(columns, units, strict=True):
         if column in taken:
             continue
-        name, suggested = quantity(column)
-        unit = below or suggested
+        name, unit = quantity(column, below)[0], _unit(column, below)
+        standard, reversed_sign = meant(meanings.get(column, ""))
+        if name is None and standard not in named_by_header:
+            name = standard
+        if unit and name == standard and reversed_sign:
+            unit = f"-{unit}"
         if name is None or name in twins or (name in named and name != "time"):
             left.append(column)
         elif unit and name in QUANTITIES and not known(name, unit):
@@ -93,6 +110,11 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
             )
         else:
             sources.setdefault(name, []).append(Source(column, unit, True))
+    if "time" not in sources:
+        parts = calendar([column for column in columns if column not in taken])
+        left = [column for column in left if column not in parts.values()]
+        if parts:
+            sources["time"] = [Source(column, part, True) for part, column in parts.items()]
     for name, word in _LIKELIER.items():
         if name in sources:
             sources[name] = sorted(sources[name], key=partial(_without, word))
@@ -101,6 +123,14 @@ def match(columns: list[str], units: list[str], table: Table, file: str) -> tupl
         notes.append(Finding("note", file, "", f"columns that are not read: {', '.join(left)}"))
     orphans = {key for key in sources if key.endswith("_qc") and key.removesuffix("_qc") not in sources}
     return {key: tuple(entry) for key, entry in sources.items() if key not in orphans}, notes
+
+
+def _unit(column: str, below: str) -> str | None:
+    """Return the unit of a column, as stated `below` its header or else in it, with the sign that its name says."""
+    suggested = quantity(column, below)[1]
+    if below and suggested and suggested.startswith("-"):
+        return f"-{below.removeprefix('-')}"
+    return below or suggested
 
 
 def chosen(raws: list[pd.DataFrame], candidates: Candidates, file: str) -> tuple[dict[str, Source], list[Finding]]:
@@ -191,22 +221,26 @@ def converted(
     file
         Its name.
     guesses
-        Units of those columns for which neither header nor mission.yaml states one.
+        Units of those columns for which neither header nor mission.yaml states one, or which the values contradict.
     """
     import numpy as np
     import pandas as pd
 
+    table, about = _zoned(clocks[0], table, file)
     seconds, told, notes = _clock(raw, clocks, table, file)
+    notes += about
     out: dict[str, Any] = {"time": seconds}
     for name, source in sources.items():
         values = raw[source.column].to_numpy(dtype=np.float64)
         if name.endswith("_qc"):
             out[name] = np.nan_to_num(values, nan=9.0).astype(np.int8)
             continue
-        unit = source.unit or guesses[name]
+        unit = guesses[name] if name in guesses else str(source.unit)
         out[name] = convert(values, name, unit, file, source.column)
         if source.guessed:
             told.append(f"'{source.column}' is {name} in {unit}")
+    out, about = _true_heading(out, sources, table, file)
+    notes += about
     if told:
         notes.append(Finding("note", file, "", "guessed from header and range: " + ", ".join(told)))
     frame = pd.DataFrame(out)
@@ -215,6 +249,55 @@ def converted(
         "columns": {"time": clocks[0].column} | {name: source.column for name, source in sources.items()},
     }
     return frame, notes
+
+
+def _true_heading(
+    out: dict[str, Any], sources: Mapping[str, Source], table: Table, file: str
+) -> tuple[dict[str, Any], list[Finding]]:
+    """Return columns with a magnetic heading made true by the variation in the same file, and what was done.
+
+    A heading is magnetic by its name, or where mission.yaml names the variation. A variation of exactly zero is what a
+    glider holds before its first fix, and not used; the last one known holds until the next.
+    """
+    import numpy as np
+    import pandas as pd
+
+    variation = out.pop("magnetic_variation", None)
+    if "heading" not in out:
+        return out, []
+    column = sources["heading"].column
+    known = pd.Series(variation if variation is not None else [], dtype="float64")
+    known = known.where((known != 0.0) & (known.abs() < np.pi)).ffill().bfill()
+    place = f"column '{column}'"
+    magnetic = is_magnetic(column)
+    if not known.notna().any():
+        found, expected = "magnetic headings and no magnetic variation", "it, to turn them true"
+        return out, [Finding("warning", file, place, found, expected, "heading stays magnetic")] if magnetic else []
+    typical = np.degrees(float(known.median()))
+    found = f"a magnetic variation of {abs(typical):.1f}° {'E' if typical > 0 else 'W'} beside it"
+    if not magnetic and "magnetic_variation" not in table.columns:
+        remedy = f"taken for true; if it is magnetic, name magnetic_variation: under files: {file}: columns:"
+        return out, [Finding("note", file, place, found, "true headings", f"{remedy} in mission.yaml")]
+    out["heading"] = np.mod(out["heading"] + known.to_numpy(), 2 * np.pi)
+    return out, [Finding("note", file, place, found, "", "magnetic headings made true")]
+
+
+def _zoned(clock: Source, table: Table, file: str) -> tuple[Table, list[Finding]]:
+    """Return `table` with the zone that the header of the clock names, ``Time (UTC+8)``, and what is said about it.
+
+    A zone that mission.yaml names goes before it.
+    """
+    unit = clock.unit or ""
+    offset = _OFFSET.fullmatch(unit.strip())
+    if table.timezone != "UTC" or not (offset or _LETTERS.fullmatch(unit.strip())):
+        return table, []
+    place = f"column '{clock.column}'"
+    if not offset or int(offset[3] or 0):
+        remedy = f"read as UTC; name the zone: files: {{{file}: {{timezone: Asia/Kolkata}}}} in mission.yaml"
+        return table, [Finding("warning", file, place, f"times in '{unit}'", "UTC, or UTC and whole hours", remedy)]
+    hours = int(f"{offset[1]}{offset[2]}")
+    zone = "UTC" if hours == 0 else f"Etc/GMT{-hours:+d}"
+    return table.model_copy(update={"timezone": zone}), [Finding("note", file, place, f"times in {unit}")]
 
 
 def _clock(
@@ -229,6 +312,10 @@ def _clock(
 
     from pipeline.ingest import times
 
+    if clocks[0].unit == CALENDAR[0]:
+        dated = {str(clock.unit): raw[clock.column].to_numpy(dtype=np.float64) for clock in clocks}
+        together = ", ".join(f"'{clock.column}'" for clock in clocks)
+        return times.assembled(dated, table.timezone, file), [f"{together} are time"], []
     parts = [next((clock for clock in clocks if _reads(raw[clock.column], part)), None) for part in (_DAY, _HOUR)]
     if parts[0] is not None and parts[1] is not None:
         day, hour = parts[0].column, parts[1].column
@@ -263,15 +350,18 @@ def _untimed(column: pd.Series[Any], seconds: Array, file: str) -> list[Finding]
     wrong = ~np.isfinite(seconds) & column.notna().to_numpy()
     if not wrong.any() or column.dtype.kind == "f":
         return []
+    first = str(column[wrong].iloc[0]).strip()
+    zone = _ABBREVIATED.search(first)
+    example = f"'%Y-%m-%d %H:%M:%S {zone[1]}'}}, timezone: America/New_York" if zone else "'%d/%m/%Y %H:%M:%S'}"
     return [
         Finding(
             "warning",
             file,
             f"column '{column.name}'",
-            f"{int(wrong.sum())} of {len(column)} texts that are no time, first '{column[wrong].iloc[0]}'",
+            f"{int(wrong.sum())} of {len(column)} texts that are no time, first '{first}'",
             "ISO 8601, a date and a time of day, or the format given as unit",
             f"those records are left out; if it is another format, files: {{{file}: {{time: {{column: {column.name}, "
-            "unit: '%d/%m/%Y %H:%M:%S'}}} in mission.yaml says which",
+            f"unit: {example}}}}} in mission.yaml says which",
         )
     ]
 
@@ -296,7 +386,7 @@ def _seconds(column: pd.Series[Any], unit: str | None, table: Table, file: str) 
     numbers = column if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce")
     if column.dtype.kind == "f" or numbers.notna().sum() > 0.5 * max(1, column.notna().sum()):
         stated = unit if times.is_unit(unit) or (unit and table.time and table.time.unit == unit) else None
-        return times.numeric(numbers.to_numpy(dtype=np.float64), stated, file, name)
+        return times.numeric(numbers.to_numpy(dtype=np.float64), stated, file, name, table.timezone)
     return times.textual(column.astype("object"), unit, table.timezone, file, name)
 
 

@@ -46,7 +46,7 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
         time, latitude, longitude = (
             frame[column].to_numpy(dtype=np.float64)[rows] for column in ("time", "latitude", "longitude")
         )
-        under = below_the_surface(time, *depths)
+        under = _under_water(time, depths)
         astray = np.zeros(rows.size, dtype=bool)
         astray[~under] = ~consistent(time[~under], latitude[~under], longitude[~under])
         for mask, what, expected in (
@@ -71,6 +71,26 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
     return out, findings
 
 
+def _under_water(time: Array, depths: list[tuple[Array, Array]]) -> Mask:
+    """Return where a fix at `time` [s], shape (n,), is below the surface by the first of the sensors that tells."""
+    under, open_ = np.zeros(time.size, dtype=bool), np.ones(time.size, dtype=bool)
+    for pressure_time, pressure in depths:
+        under |= open_ & below_the_surface(time, pressure_time, pressure)
+        open_ &= ~_bracketed(time, pressure_time)
+    return under
+
+
+def _bracketed(time: Array, pressure_time: Array) -> Mask:
+    """Return where `time`, shape (n,), has one of `pressure_time` before and after it that are close together, s."""
+    after = np.searchsorted(pressure_time, time)
+    inside = (after > 0) & (after < pressure_time.size)
+    after = np.clip(after, 1, max(1, pressure_time.size - 1))
+    near = np.zeros(time.size, dtype=bool)
+    if pressure_time.size > 1:
+        near = pressure_time[after] - pressure_time[after - 1] <= _BRACKET
+    return np.asarray(inside & near)
+
+
 def below_the_surface(time: Array, pressure_time: Array, pressure: Array) -> Mask:
     """Return where the pressures before and after `time` [s], shape (n,), are both those of an antenna under water.
 
@@ -85,11 +105,9 @@ def below_the_surface(time: Array, pressure_time: Array, pressure: Array) -> Mas
         return np.zeros(time.size, dtype=bool)
     least = float(pressure.min())
     limit = _DEEP + (max(least, 0.0) if least < _OFFSET else 0.0)
-    after = np.searchsorted(pressure_time, time)
-    inside = (after > 0) & (after < pressure.size)
-    after = np.clip(after, 1, pressure.size - 1)
-    near = pressure_time[after] - pressure_time[after - 1] <= _BRACKET
-    return np.asarray(inside & near & (np.minimum(pressure[after], pressure[after - 1]) > limit))
+    after = np.clip(np.searchsorted(pressure_time, time), 1, pressure.size - 1)
+    shallower = np.minimum(pressure[after], pressure[after - 1])
+    return np.asarray(_bracketed(time, pressure_time) & (shallower > limit))
 
 
 def consistent(time: Array, latitude: Array, longitude: Array) -> Mask:
@@ -118,12 +136,11 @@ def consistent(time: Array, latitude: Array, longitude: Array) -> Mask:
     return kept
 
 
-def _pressures(streams: list[pd.DataFrame]) -> tuple[Array, Array]:
-    """Return times and values of the stream with most good pressures."""
-    best = (np.zeros(0), np.zeros(0))
+def _pressures(streams: list[pd.DataFrame]) -> list[tuple[Array, Array]]:
+    """Return times and good values of every stream with pressure, the one with most of them first."""
+    found = []
     for frame in streams:
         if "pressure_qc" in frame:
             good = (frame["pressure_qc"] == Quality.GOOD).to_numpy()
-            if good.sum() > best[0].size:
-                best = frame["time"].to_numpy(np.float64)[good], frame["pressure"].to_numpy(np.float64)[good]
-    return best
+            found.append((frame["time"].to_numpy(np.float64)[good], frame["pressure"].to_numpy(np.float64)[good]))
+    return sorted(found, key=lambda series: -series[0].size)

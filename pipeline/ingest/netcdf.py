@@ -63,8 +63,14 @@ def variables(path: Path, wanted: re.Pattern[str]) -> Variables:
         raise UnreadableError("a damaged netCDF file", "a whole one") from error
 
 
-def series(path: Path) -> dict[str, dict[str, str]]:
-    """Return by dimension the numeric one-dimensional variables of `path` and their units, "" where none is stated.
+def series(path: Path) -> tuple[dict[tuple[str, ...], dict[str, str]], dict[str, str]]:
+    """Return what series there are in `path`.
+
+    Returns
+    -------
+    units, meanings
+        By dimensions the numeric variables that have any, and their units, "" where none is stated; and the standard
+        names of those that have one.
 
     Raises
     ------
@@ -74,22 +80,28 @@ def series(path: Path) -> dict[str, dict[str, str]]:
     import h5netcdf
     from scipy.io import netcdf_file
 
-    out: dict[str, dict[str, str]] = {}
+    out: dict[tuple[str, ...], dict[str, str]] = {}
+    meanings: dict[str, str] = {}
     magic = _magic(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with h5netcdf.File(path, "r") if magic == _HDF5 else netcdf_file(path, "r", mmap=False) as file:
                 for name, variable in file.variables.items():
-                    kind = np.dtype(variable.dtype if magic == _HDF5 else variable.data.dtype).kind
-                    if len(variable.dimensions) == 1 and kind in "fiu":
+                    dtype = np.dtype(variable.dtype if magic == _HDF5 else variable.data.dtype)
+                    if variable.dimensions and dtype.kind in "fiu":
                         attributes = variable.attrs if magic == _HDF5 else variable.__dict__
-                        units = attributes.get("units", "")
-                        text = units.decode("utf-8", "replace") if isinstance(units, bytes) else str(units)
-                        out.setdefault(str(variable.dimensions[0]), {})[str(name)] = text.strip()
+                        out.setdefault(tuple(map(str, variable.dimensions)), {})[str(name)] = _text(attributes, "units")
+                        if meaning := _text(attributes, "standard_name"):
+                            meanings[str(name)] = meaning
     except Exception as error:  # whatever a damaged file makes of offsets, lengths and types
         raise UnreadableError("a damaged netCDF file", "a whole one") from error
-    return out
+    return out, meanings
+
+
+def _text(attributes: Any, name: str) -> str:
+    value = attributes.get(name, "")
+    return (value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)).strip()
 
 
 def _magic(path: Path) -> bytes:

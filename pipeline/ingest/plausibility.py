@@ -27,6 +27,8 @@ _MIDDLE = (0.2, 0.85)  # share of the deepest pressure: away from surface and tu
 _LEAST = 8  # windows
 _LEAST_EACH = 3  # windows of dives, and of climbs
 _STROKE = 2e-6  # m3 between climbs and dives that an engine resolves
+_SURE = 0.95  # share of the steep minutes of dives, and of climbs, that tell a reversed sign beyond doubt
+_LEGS = ("dives", "climbs")
 
 
 def implied_speed(table: pd.DataFrame) -> tuple[Array, Array, Array]:
@@ -42,9 +44,14 @@ def implied_speed(table: pd.DataFrame) -> tuple[Array, Array, Array]:
     rate, pitch, speed
         Shape (minutes,): only those inside the middle of the water column with both instruments reporting.
     """
+    return _tilted_minutes(table)[:3]
+
+
+def _tilted_minutes(table: pd.DataFrame) -> tuple[Array, Array, Array, Array]:
+    """Return what `implied_speed` does, and the last instant of each minute [s]."""
     pitch = good(table, "pitch")
     if not np.isfinite(pitch).any():
-        return np.zeros(0), np.zeros(0), np.zeros(0)
+        return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0)
     rate, edges = _minutes(table)
     time = table["time"].to_numpy(dtype=np.float64)
     tilt = np.isfinite(pitch)
@@ -55,7 +62,7 @@ def implied_speed(table: pd.DataFrame) -> tuple[Array, Array, Array]:
     mean = (total[end] - total[begin])[use] / count[use]
     with np.errstate(divide="ignore"):
         speed = np.abs(rate[use]) / np.abs(np.sin(mean))
-    return rate[use], mean, speed
+    return rate[use], mean, speed, edges[1][use]
 
 
 def _minutes(table: pd.DataFrame) -> tuple[Array, Array]:
@@ -95,16 +102,7 @@ def with_engine_checked(table: pd.DataFrame, source: dict[str, str]) -> tuple[pd
     source
         ``file`` and ``column`` of the engine's volume, for messages.
     """
-    rate, edges = _minutes(table)
-    volume = _held(table, "buoyancy_volume", edges[1])
-    driven = np.zeros(rate.size, dtype=bool)
-    for name, least in TURNING.items():
-        if name in table:
-            driven |= np.nan_to_num(np.abs(_held(table, name, edges[1]))) > least
-    down, up = (np.isfinite(volume) & ~driven & (sign * rate > _MOVING) for sign in (1.0, -1.0))
-    if min(down.sum(), up.sum()) < _LEAST_EACH:
-        return table, []
-    stroke = float(np.median(volume[up]) - np.median(volume[down]))
+    stroke = _stroke(table)
     if stroke > -_STROKE:
         return table, []
     finding = Finding(
@@ -120,6 +118,70 @@ def with_engine_checked(table: pd.DataFrame, source: dict[str, str]) -> tuple[pd
     return table.assign(buoyancy_volume_qc=flag), [finding]
 
 
+def _stroke(table: pd.DataFrame) -> float:
+    """Return how much larger the engine's volume is on climbs than on dives, m³; 0 where too little tells."""
+    if "buoyancy_volume" not in table:
+        return 0.0
+    rate, edges = _minutes(table)
+    volume = _held(table, "buoyancy_volume", edges[1])
+    free = np.isfinite(volume) & ~_driven(table, edges[1])
+    down, up = (free & (sign * rate > _MOVING) for sign in (1.0, -1.0))
+    if min(down.sum(), up.sum()) < _LEAST_EACH:
+        return 0.0
+    return float(np.median(volume[up]) - np.median(volume[down]))
+
+
+def _driven(table: pd.DataFrame, time: Array) -> npt.NDArray[np.bool_]:
+    """Return whether a propeller turns at `time` [s], shape (n,)."""
+    driven = np.zeros(time.size, dtype=bool)
+    for name, least in TURNING.items():
+        if name in table:
+            driven |= np.nan_to_num(np.abs(_held(table, name, time))) > least
+    return driven
+
+
+def with_pitch_checked(
+    table: pd.DataFrame, source: dict[str, str], *, vouched: bool
+) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return `table` with the sign of pitch turned where it is beyond doubt reversed; else a doubt about it.
+
+    A glider sinks nose down and rises nose up. Where nearly every steep minute of dives and of climbs says otherwise,
+    either the sign of pitch or its clock is wrong. Its clock is right where the engine, in the same file, is smaller on
+    dives than on climbs, and then the sign is turned; not beside a gyro's rate of pitch, whose sign nothing tells.
+
+    Parameters
+    ----------
+    table
+        The merged records, with depth.
+    source
+        ``file`` and ``column`` of pitch, for messages.
+    vouched
+        Whether the engine's volume comes from the same file as pitch.
+    """
+    rate, pitch, _, ends = _tilted_minutes(table)
+    both = (np.abs(pitch) >= _STEEP) & (np.abs(rate) >= _MOVING)
+    if both.sum() < _LEAST or float(np.mean(np.sign(rate[both]) == np.sign(pitch[both]))) <= 0.8:
+        return table, []
+    free = both & ~_driven(table, ends)
+    legs = [free & (sign * rate > 0) for sign in (1.0, -1.0)]
+    sure = all(
+        leg.sum() >= _LEAST_EACH and float(np.mean(np.sign(rate[leg]) == np.sign(pitch[leg]))) >= _SURE for leg in legs
+    )
+    place = f"column '{source['column']}'"
+    expected = "pitch with nose up positive"
+    if sure and vouched and "pitch_rate" not in table and _stroke(table) > _STROKE:
+        minutes = " and ".join(f"{leg.sum()} minutes of {name}" for leg, name in zip(legs, _LEGS, strict=True))
+        found = f"nose up on the way down and down on the way up in {minutes}, with the engine as on a glider"
+        remedy = "its sign is turned; pitch: {scale: -1} in mission.yaml says the same"
+        finding = Finding("warning", source["file"], place, found, expected, remedy)
+        return table.assign(pitch=-table["pitch"]), [finding]
+    remedy = (
+        "if its sign is reversed, pitch: {scale: -1} in mission.yaml turns it; "
+        "or are the clocks of pitch and pressure in different zones?"
+    )
+    return table, [Finding("warning", source["file"], place, "nose up on the way down", expected, remedy)]
+
+
 def _held(table: pd.DataFrame, name: str, time: Array) -> Array:
     """Return the last good value of column `name` at or before `time` [s], shape (n,), NaN where there is none."""
     values = good(table, name)
@@ -128,8 +190,8 @@ def _held(table: pd.DataFrame, name: str, time: Array) -> Array:
     return np.asarray(np.r_[np.nan, values[known]][before], dtype=np.float64)
 
 
-def checked(table: pd.DataFrame, pressure_source: dict[str, str], pitch_source: dict[str, str]) -> list[Finding]:
-    """Return what is doubtful about pressure and pitch taken together.
+def require(table: pd.DataFrame, pressure_source: dict[str, str], pitch_source: dict[str, str]) -> None:
+    """Check that pressure and pitch taken together are a glider's.
 
     Parameters
     ----------
@@ -158,20 +220,6 @@ def checked(table: pd.DataFrame, pressure_source: dict[str, str], pitch_source: 
                 remedy="is the unit of pitch rad, declared as deg? correct it under files: in mission.yaml",
             )
         raise _implausible(rate[moving], pitch[moving], "dbar", 0.1, pressure_source)
-    both = steep & moving
-    if both.sum() >= _LEAST and float(np.mean(np.sign(rate[both]) == np.sign(pitch[both]))) > 0.8:
-        return [
-            Finding(
-                "warning",
-                pitch_source["file"],
-                f"column '{pitch_source['column']}'",
-                "nose up on the way down",
-                "pitch with nose up positive",
-                "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml; "
-                "or are the clocks of pitch and pressure in different zones?",
-            )
-        ]
-    return []
 
 
 def _implausible(rate: Array, pitch: Array, unit: str, factor: float, source: dict[str, str]) -> InputError:

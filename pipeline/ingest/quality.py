@@ -47,6 +47,8 @@ _SPIKE = (3.0, 30.0)  # dbar, least and greatest departure from the running medi
 _RATE_SPIKE = 0.05  # rad/s
 _WINDOW = 7  # samples of the running median
 _STUCK_SAMPLES, _STUCK_SECONDS, _STUCK_DBAR = 25, 120.0, 20.0
+_SLOWEST = 0.12  # m/s through the water, no glider is slower and steep
+_BELOW = 5.0  # dbar, where no glider floats
 _OFFSET = 0.5  # dbar at the surface worth a note
 _ABSOLUTE = (9.6, 10.8)  # dbar, least pressure of a sensor that feels the atmosphere as well
 
@@ -58,7 +60,7 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
     spike, stuck; everything else is good.
     """
     findings: list[Finding] = []
-    reference = _reference(streams)
+    reference, attitude = _reference(streams, "pressure"), _reference(streams, "pitch")
     out = []
     for frame in streams:
         name = str(frame.attrs.get("name", "stream"))
@@ -85,6 +87,9 @@ def checked(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findi
             usable = ~missing & inside
             if column == "pressure":
                 bad["in a spike"] = _at(usable, pressure_spikes(time[usable], values[usable]))
+                if attitude is not None:
+                    held = held_while_steep(time[usable], values[usable], *attitude)
+                    bad["of a stuck sensor"] = _at(usable, held)
             elif column == "temperature":
                 bad["in a spike"] = _at(usable, temperature_spikes(values[usable]))
             elif column == "pitch_rate":
@@ -174,6 +179,26 @@ def stuck(time: Array, values: Array, pressure_time: Array, pressure: Array) -> 
     return out
 
 
+def held_while_steep(time: Array, pressure: Array, pitch_time: Array, pitch: Array) -> Mask:
+    """Return where `pressure` [dbar], shape (n,), repeats to the last digit while pitch says that depth must change.
+
+    At least 25 equal samples below 5 dbar, where it does not float, over which the slowest glider, 0.12 m/s along its
+    nose [rad], would have dived or climbed 20 m in all.
+    """
+    out = np.zeros(pressure.size, dtype=bool)
+    if pressure.size < _STUCK_SAMPLES or pitch.size < 2:
+        return out
+    starts = np.r_[0, np.flatnonzero(np.diff(pressure) != 0) + 1]
+    ends = np.r_[starts[1:], pressure.size]
+    long = (ends - starts >= _STUCK_SAMPLES) & (pressure[starts] > _BELOW)
+    for start, end in zip(starts[long], ends[long], strict=True):
+        during = pitch[slice(*np.searchsorted(pitch_time, (time[start], time[end - 1])))]
+        if during.size >= _STUCK_SAMPLES:
+            way = _SLOWEST * float(np.mean(np.abs(np.sin(during)))) * (time[end - 1] - time[start])
+            out[start:end] = way >= _STUCK_DBAR
+    return out
+
+
 def require(
     streams: list[pd.DataFrame],
     names: tuple[str, ...] = ("pressure", "pitch"),
@@ -196,7 +221,7 @@ def require(
     InputError
         If one is missing, is nothing but NaN, or lies out of range more often than not.
     """
-    labels = [str(frame.attrs.get("name", "a stream")) for frame in streams]
+    labels = list(dict.fromkeys(str(frame.attrs.get("name", "a stream")) for frame in streams))
     for name in names:
         carriers = [frame for frame in streams if name in frame]
         if not carriers:
@@ -299,13 +324,13 @@ def surface_offset(streams: list[pd.DataFrame]) -> list[Finding]:
     return findings
 
 
-def _reference(streams: list[pd.DataFrame]) -> tuple[Array, Array] | None:
-    """Return times and values of the stream with most pressures, NaN and values out of range left out."""
+def _reference(streams: list[pd.DataFrame], name: str) -> tuple[Array, Array] | None:
+    """Return times and values of the stream with most values of `name`, NaN and values out of range left out."""
     best: tuple[Array, Array] | None = None
     for frame in streams:
-        if "pressure" in frame:
-            values = frame["pressure"].to_numpy(dtype=np.float64)
-            inside = within(values, "pressure")
+        if name in frame:
+            values = frame[name].to_numpy(dtype=np.float64)
+            inside = within(values, name)
             if best is None or inside.sum() > best[0].size:
                 best = frame["time"].to_numpy(dtype=np.float64)[inside], values[inside]
     return best
@@ -338,7 +363,7 @@ def _flagged(name: str, column: str, what: str, mask: Mask, values: Array) -> Fi
     expected = {
         "out of range": f"{low:.4g} to {high:.4g} {_UNITS[column]}",
         "in a spike": "what a glider can do between two samples",
-        "of a stuck sensor": "changes while depth changes",
+        "of a stuck sensor": f"changes while {'pitch is steep' if column == 'pressure' else 'depth changes'}",
     }[what]
     remedy = "flagged bad and not used"
     if what == "out of range" and 2 * count > int(np.isfinite(values).sum()):

@@ -1,4 +1,4 @@
-"""Seagliders: the per-dive files pSSSDDDD.nc of the basestation, each instrument on its own clock.
+"""Seagliders: the per-dive files pSSSDDDD.nc of the basestation, or its text files, each instrument on its own clock.
 
 Four things in these files look like measurements and are none, and are not read as such:
 
@@ -26,7 +26,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError, Severity
-from pipeline.ingest import adcp, netcdf
+from pipeline.ingest import adcp, basestation, netcdf, seawater
 from pipeline.ingest.logs import Logs, UnreadableError, gather
 from pipeline.ingest.table import SEAGLIDER
 from pipeline.mission import Mission
@@ -51,7 +51,7 @@ _OWN_PRESSURE = r"(?:legato|gpctd|rbr\w*)_pressure"
 _WANTED = re.compile(
     r"time|pressure|depth|ctd_time|ctd_pressure(_qc)?|ctd_depth|magnetic_variation|log_MAGVAR|log_gps_magvar"
     r"|(temperature|conductivity|salinity)(_qc)?|speed|vert_speed|eng_(pitchAng|rollAng|head|vbdCC|pitchCtl)"
-    r"|gc_(st|end)_secs|gc_pitch_ad(_start)?|log_(C_PITCH|PITCH_CNV|C_VBD|VBD_MIN|VBD_CNV|MASS)"
+    r"|gc_(st|end)_secs|gc_(pitch|vbd)_ad(_start)?|log_(C_PITCH|PITCH_CNV|C_VBD|VBD_MIN|VBD_CNV|MASS)"
     r"|log_gps_(time|lat|lon|qc)|ad2cp_(time|pressure|vel[XYZ])"
     rf"|sg_cal_({'|'.join(_CONSTANTS)}|volmax|vbdbias)|{_OWN_PRESSURE}",
     re.IGNORECASE,
@@ -74,12 +74,23 @@ CUBIC_CENTIMETRE = 1e-6
 
 def recognises(path: Path) -> bool:
     """Return whether `path` is named like a per-dive file of the basestation."""
-    return path.is_file() and bool(_NAME.fullmatch(path.name))
+    return path.is_file() and bool(_NAME.fullmatch(path.name) or basestation.NAME.fullmatch(path.name))
 
 
 def files(folder: Path) -> list[Path]:
-    """Return the per-dive files in `folder`, sorted."""
-    return sorted(path for path in folder.iterdir() if recognises(path))
+    """Return the per-dive files in `folder`, sorted: netCDF, and text of the dives that have none."""
+    return sorted({part for path in _dives(folder) for part in (_parts(path))})
+
+
+def _dives(folder: Path) -> list[Path]:
+    """Return the files that are a dive each."""
+    paths = sorted(path for path in folder.iterdir() if recognises(path))
+    dives = {path.name[:8].lower() for path in paths if _NAME.fullmatch(path.name)}
+    return [path for path in paths if _NAME.fullmatch(path.name) or path.name[:8].lower() not in dives]
+
+
+def _parts(path: Path) -> list[Path]:
+    return [path] if _NAME.fullmatch(path.name) else basestation.files(path)
 
 
 def read(mission: Mission) -> Logs:
@@ -92,13 +103,18 @@ def read(mission: Mission) -> Logs:
     InputError
         If the netCDF packages are not installed, no file can be read, or none has pitch.
     """
-    netcdf.require()
     findings: list[Finding] = []
     dives: list[_Dive] = []
-    paths = files(mission.folder)
+    paths = _dives(mission.folder)
+    if any(_NAME.fullmatch(path.name) for path in paths):
+        netcdf.require()
     for path in paths:
         try:
-            dives.append(_Dive(path.name, netcdf.variables(path, _WANTED)))
+            if _NAME.fullmatch(path.name):
+                dives.append(_Dive(path.name, netcdf.variables(path, _WANTED)))
+            else:
+                text = basestation.read(path)
+                dives.append(_Dive(path.name, text.variables, text.findings))
         except UnreadableError as error:
             findings.append(Finding("error", path.name, "", error.found, error.expected, error.remedy))
     if not dives:
@@ -111,7 +127,8 @@ def read(mission: Mission) -> Logs:
     for dive in dives:
         findings += dive.findings
     streams = [
-        _joined(name, (part.get(name) for part in parts)) for name in ("engineering", "CTD", "GPS", "battery", "AD2CP")
+        _joined(name, (part.get(name) for part in parts))
+        for name in ("engineering", "CTD", "GPS", "battery", "engine", "AD2CP")
     ]
     if "pitch" not in streams[0] or not streams[0]["pitch"].notna().any():
         raise InputError(
@@ -186,7 +203,11 @@ class _Dive:
             self.say("note", "a CTD without pressure, on its own clock", "", used)
         parts = {"engineering": engineering, "CTD": ctd, "GPS": self._gps(), "AD2CP": self._adcp()}
         if "battery_position" not in engineering:
-            parts["battery"] = self._battery()
+            parts["battery"] = self._moves("battery_position", "PITCH", -CENTIMETRE)
+        if "buoyancy_volume" not in engineering:
+            parts["engine"] = self._moves("buoyancy_volume", "VBD", CUBIC_CENTIMETRE)
+            if parts["engine"].empty:
+                self.say("warning", "no variable eng_vbdCC", "it, or the motor's moves", "the dive goes without")
         return {name: frame for name, frame in parts.items() if len(frame)}
 
     def _engineering(self, own_pressure: bool) -> pd.DataFrame:
@@ -202,7 +223,7 @@ class _Dive:
             # Nose up when positive, so the mass goes aft.
             ("battery_position", "eng_pitchCtl", -CENTIMETRE),
         ):
-            values = self._on(time, variable, required=name in ("pitch", "buoyancy_volume"))
+            values = self._on(time, variable, required=name == "pitch")
             if values is not None:
                 columns[name] = values * factor
         heading = self._on(time, "eng_head")
@@ -243,7 +264,7 @@ class _Dive:
             self.say("error", "neither pressure nor depth", "one of them on the clock 'time'", "the dive goes without")
             return None
         self.say("note", "no variable pressure", "", "depth is turned into pressure")
-        return np.asarray(gsw.p_from_z(-depth, self._latitude()), dtype=np.float64)
+        return seawater.pressure(depth, self._latitude())
 
     def _latitude(self) -> float:
         latitude = self.get("log_gps_lat")
@@ -324,15 +345,14 @@ class _Dive:
         good &= ~np.isin(self._flags("log_gps", time), (Quality.BAD, Quality.PROBABLY_BAD, Quality.MISSING))
         return pd.DataFrame({"time": time[good], "latitude": latitude[good], "longitude": longitude[good]})
 
-    def _battery(self) -> pd.DataFrame:
-        """Return the battery position where a pitch motor started and stopped, from its potentiometer."""
-        centre, scale = self.number("log_C_PITCH"), self.number("log_PITCH_CNV")
+    def _moves(self, name: str, motor: str, factor: float) -> pd.DataFrame:
+        """Return `name` where the `motor`, PITCH or VBD, started and stopped, from its potentiometer."""
+        centre, scale = self.number(f"log_C_{motor}"), self.number(f"log_{motor}_CNV")
         parts = []
-        for clock, counts in (("gc_st_secs", "gc_pitch_ad_start"), ("gc_end_secs", "gc_pitch_ad")):
-            time, values = self.get(clock), self.get(counts)
+        for clock, end in (("gc_st_secs", "_start"), ("gc_end_secs", "")):
+            time, values = self.get(clock), self.get(f"gc_{motor.lower()}_ad{end}")
             if time is not None and values is not None and time.shape == values.shape and np.isfinite(centre * scale):
-                position = -CENTIMETRE * (values - centre) * scale
-                parts.append(pd.DataFrame({"time": time, "battery_position": position}))
+                parts.append(pd.DataFrame({"time": time, name: factor * (values - centre) * scale}))
         return pd.concat(parts, ignore_index=True).sort_values("time", kind="stable") if parts else pd.DataFrame()
 
     def _adcp(self) -> pd.DataFrame:

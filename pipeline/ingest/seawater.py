@@ -23,6 +23,8 @@ FALLBACK_LATITUDE = 45.0
 #: Water at its freezing point may be measured this much too cold, K.
 _FREEZING_MARGIN = 0.1
 
+#: Beyond the deepest trench, m or dbar.
+_DEEPEST = 12000.0
 #: Absolute salinity of the standard ocean, g/kg, whose weight `gsw.z_from_p` takes unless told otherwise.
 _STANDARD_SALINITY = 35.16504
 #: Layers of the mean profile of density, dbar.
@@ -85,8 +87,11 @@ def depth(pressure: Array, latitude: float, profile: tuple[Array, Array] | None 
     profile
         Pressure [dbar] and in-situ density [kg/m³] of the CTD's samples, shape (k,) each; their mean profile is used.
     """
-    anomaly = _dynamic_height(pressure, *profile) if profile else 0.0
-    return np.asarray(-gsw.z_from_p(pressure, latitude, anomaly), dtype=np.float64)
+    inside = np.abs(pressure) <= _DEEPEST
+    found = np.full(pressure.shape, np.nan)
+    anomaly = _dynamic_height(pressure[inside], *profile) if profile else 0.0
+    found[inside] = -gsw.z_from_p(pressure[inside], latitude, anomaly)
+    return found
 
 
 def _dynamic_height(pressure: Array, sampled: Array, density: Array) -> Array:
@@ -94,7 +99,7 @@ def _dynamic_height(pressure: Array, sampled: Array, density: Array) -> Array:
 
     McDougall & Barker (2011); the anomaly is that of the mission's mean profile in layers of `_LAYER` dbar.
     """
-    known = np.isfinite(sampled) & np.isfinite(density)
+    known = (sampled <= _DEEPEST) & np.isfinite(density)
     if not known.any():
         return np.zeros_like(pressure)
     found = np.maximum(sampled[known], 0.0)
@@ -121,8 +126,14 @@ def with_depth(table: pd.DataFrame, latitude: float) -> pd.DataFrame:
 
 
 def pressure(depth_m: Array, latitude: float) -> Array:
-    """Return pressure in dbar, shape (n,), of depth in m, positive down, at `latitude` in degrees."""
-    return np.asarray(gsw.p_from_z(-depth_m, latitude), dtype=np.float64)
+    """Return pressure in dbar, shape (n,), of depth in m, positive down, at `latitude` in degrees.
+
+    A depth that no ocean has, or high in the air, is taken for as many dbar: it is found out of range later.
+    """
+    inside = (depth_m >= -5.0) & (depth_m <= _DEEPEST)
+    found = np.array(depth_m, dtype=np.float64)
+    found[inside] = gsw.p_from_z(-found[inside], latitude)
+    return found
 
 
 def sea_water(

@@ -1,21 +1,28 @@
 """Sheets: the tables in a file, header first, values when they are asked for; text, Parquet and netCDF.
 
 A text or Parquet file is one sheet. A netCDF file has one for each dimension on which a time stands: every instrument
-its own clock, as in the files of pyglider, of ERDDAP, of dbd2netCDF, and of the OceanGliders format (OG1).
+its own clock, as in the files of pyglider, of ERDDAP, of dbd2netCDF, and of the OceanGliders format (OG1). The fixes of
+a receiver that have a time beside that of the measurements (OG1, EGO: ``TIME_GPS``) are a sheet by themselves.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.findings import Finding
 from pipeline.ingest.columns import Candidates
-from pipeline.ingest.headers import quantity
+from pipeline.ingest.headers import of_receiver, quantity
+from pipeline.ingest.numerals import is_numeral
+from pipeline.ingest.text import left_out, no_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
+
+#: What tells a glider's series from a table of its dives.
+_SERIES = ("pressure", "depth", "temperature", "salinity", "conductivity", "pitch")
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,10 @@ class Sheet:
         Columns of the other sheets of the file.
     layout
         How a text table is laid out (`pipeline.ingest.text.Layout`); None for the other kinds.
+    fixes
+        Whether it is the fixes of a receiver, most rows of which are empty or repeat the one before.
+    meanings
+        CF's standard names of its columns, where they have one.
     """
 
     path: Path
@@ -39,9 +50,18 @@ class Sheet:
     units: list[str]
     others: list[str] = field(default_factory=list)
     layout: Any = None
+    fixes: bool = False
+    meanings: dict[str, str] = field(default_factory=dict)
 
-    def read(self, candidates: Candidates) -> tuple[pd.DataFrame, list[str]]:
+    def read(self, candidates: Candidates) -> tuple[pd.DataFrame, list[Finding]]:
         """Return the columns of `candidates`, all but times as numbers, and what is no number."""
+        frame, findings = self._read(candidates)
+        if self.fixes:
+            places = [source.column for name in ("latitude", "longitude") for source in candidates.get(name, ())]
+            frame = frame.dropna(how="all", subset=places).drop_duplicates(ignore_index=True)
+        return frame, findings
+
+    def _read(self, candidates: Candidates) -> tuple[pd.DataFrame, list[Finding]]:
         clocks = list(dict.fromkeys(source.column for source in candidates["time"]))
         every = dict.fromkeys(source.column for entry in candidates.values() for source in entry)
         measured = [column for column in every if column not in clocks]
@@ -50,8 +70,8 @@ class Sheet:
             return read(self.path, clocks, measured)
         from pipeline.ingest import text
 
-        first = dict(zip(self.columns, self.layout.first, strict=False))
-        timed = [column for column in clocks if not text.is_number(first.get(column, ""))]
+        first = dict(zip(self.layout.names, self.layout.first, strict=False))
+        timed = [column for column in clocks if not is_numeral(first.get(column, ""))]
         numeric = [column for column in clocks if column not in timed]
         return text.read(self.path, self.layout, numeric + measured, timed)
 
@@ -81,28 +101,50 @@ def sheets(path: Path) -> list[Sheet]:
         from pipeline.ingest import text
 
         layout = text.sniff(path)
-        found = [] if layout is None else [Sheet(path, layout.names, layout.units, layout=layout)]
+        found = [Sheet(path, layout.names, layout.units, layout=layout)]
     if not found:
         raise UnreadableError("no table", "a header line and records", "file left out")
-    return found
+    return [part for sheet in found for part in _fixes_apart(sheet)]
+
+
+def _fixes_apart(sheet: Sheet) -> list[Sheet]:
+    """Return `sheet`, its fixes as a sheet of their own where they have a time beside that of the measurements."""
+    ours = {column: name for column in sheet.columns if (name := of_receiver(column)) is not None}
+    clocked = any(quantity(column)[0] == "time" for column in sheet.columns if column not in ours)
+    if not clocked or not {"time", "latitude", "longitude"} <= set(ours.values()):
+        return [sheet]
+    units = dict(zip(sheet.columns, sheet.units, strict=True))
+    rest = [column for column in sheet.columns if column not in ours]
+    parts = []
+    for names, others in ((rest, [*ours]), ([*ours], rest)):
+        below = [units[name] for name in names]
+        part = replace(sheet, columns=names, units=below, others=[*sheet.others, *others], fixes=names != rest)
+        parts.append(part)
+    return parts
 
 
 def _of_netcdf(path: Path) -> list[Sheet]:
     from pipeline.ingest import netcdf
+    from pipeline.ingest.logs import UnreadableError
 
     netcdf.require()
-    series = netcdf.series(path)
-    clocked = {
-        dimension: units for dimension, units in series.items() if any(quantity(name)[0] == "time" for name in units)
-    }
+    series, meanings = netcdf.series(path)
+    clocked = {key: units for key, units in series.items() if any(quantity(name)[0] == "time" for name in units)}
+    if not any(quantity(name)[0] in _SERIES for units in clocked.values() for name in units):
+        for dimensions, units in series.items():
+            gridded = [name for name in units if len(dimensions) > 1 and quantity(name)[0] in _SERIES]
+            if gridded:
+                found = f"'{gridded[0]}' on a grid of {' by '.join(dimensions)}"
+                raise UnreadableError(found, "series along a time", "file left out; give the logs that it was made of")
+    clocked = clocked or {key: units for key, units in series.items() if len(key) == 1}
     out = []
-    for dimension, units in (clocked or series).items():
-        others = [name for other, names in series.items() if other != dimension for name in names]
-        out.append(Sheet(path, list(units), list(units.values()), others))
+    for dimensions, units in clocked.items():
+        others = [name for other, names in series.items() if other != dimensions for name in names]
+        out.append(Sheet(path, list(units), list(units.values()), others, meanings=meanings))
     return out
 
 
-def _read_netcdf(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _read_netcdf(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[Finding]]:
     import pandas as pd
 
     from pipeline.ingest import netcdf
@@ -112,15 +154,15 @@ def _read_netcdf(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd
     try:
         found = netcdf.variables(path, re.compile("|".join(map(re.escape, wanted))))
     except UnreadableError as error:
-        return pd.DataFrame(columns=wanted), [error.found]
-    return _numeric(pd.DataFrame({name: _plain(found[name]) for name in wanted}), clocks, measured)
+        return pd.DataFrame(columns=wanted), [left_out(path, error.found)]
+    return _numeric(path, pd.DataFrame({name: _plain(found[name]) for name in wanted}), clocks, measured)
 
 
 def _plain(values: Any) -> Any:
-    """Return an array in the byte order of the machine, and bytes as text."""
+    """Return an array in the byte order of the machine, as one row of values, and bytes as text."""
     if values.dtype.kind == "S":
-        return values.astype("U")
-    return values.astype(values.dtype.newbyteorder("="))
+        return values.astype("U").ravel()
+    return values.astype(values.dtype.newbyteorder("=")).ravel()
 
 
 def _of_parquet(path: Path) -> list[Sheet]:
@@ -136,7 +178,7 @@ def _of_parquet(path: Path) -> list[Sheet]:
     return [Sheet(path, list(schema.names), units)]
 
 
-def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[Finding]]:
     import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -145,24 +187,25 @@ def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[p
     try:
         frame = pq.read_table(path, columns=wanted).to_pandas().reset_index()
     except (pa.ArrowInvalid, OSError) as error:
-        return pd.DataFrame(columns=wanted), [f"an unreadable file ({error})"]
-    return _numeric(frame[wanted], clocks, measured)
+        return pd.DataFrame(columns=wanted), [left_out(path, f"an unreadable file ({error})")]
+    return _numeric(path, frame[wanted], clocks, measured)
 
 
-def _numeric(frame: pd.DataFrame, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _numeric(
+    path: Path, frame: pd.DataFrame, clocks: list[str], measured: list[str]
+) -> tuple[pd.DataFrame, list[Finding]]:
     """Return `frame` with its measurements, and times that are whole numbers, as float64, and what is no number."""
     import pandas as pd
 
-    trouble = []
+    findings = []
     changed: dict[str, Any] = {}
     for name in measured:
         if frame[name].dtype.kind not in "fiub":
             changed[name] = pd.to_numeric(frame[name], errors="coerce")
             wrong = changed[name].isna() & frame[name].notna()
             if wrong.any():
-                first, count = frame[name][wrong].iloc[0], f"{int(wrong.sum())} of {len(frame)} fields"
-                trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
+                findings.append(no_numbers(path, name, frame[name], wrong))
     for clock in clocks:
         if frame[clock].dtype.kind in "iu":
             changed[clock] = frame[clock].astype("float64")
-    return frame.assign(**changed), trouble
+    return frame.assign(**changed), findings

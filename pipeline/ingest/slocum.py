@@ -35,6 +35,8 @@ _FLIGHT = (
 )
 _STAMPS = ("sci_ctd41cp_timestamp", "sci_rbrctd_timestamp")
 _WATER = ("sci_water_pressure", "sci_water_temp", "sci_water_cond")
+#: The same of an RBR CTD whose values are not in those: sea pressure [dbar], [°C], [mS/cm].
+_RBR = ("sci_rbrctd_seapressure_00", "sci_rbrctd_temperature_00", "sci_rbrctd_conductivity_00")
 #: A CTD's own time stamp precedes the science computer's by less than this [s].
 _LAG = 5.0
 
@@ -156,7 +158,7 @@ class _Segments:
 
     def _fullest(self, paths: list[Path], scratch: Path, science: bool) -> pd.DataFrame | None:
         """Return the sensors of the first of `paths`, versions of one segment, that can be read."""
-        wanted = (*_WATER, *_STAMPS) if science else _FLIGHT
+        wanted = (*_WATER, *_RBR, *_STAMPS) if science else _FLIGHT
         for index, path in enumerate(paths):
             try:
                 sensors = dinkum.read(path, scratch, wanted)
@@ -302,9 +304,11 @@ def _fixes(flight: pd.DataFrame) -> pd.Series:
 
 def _ctd(science: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
     """Return the stream of the CTD in SI units, and what is doubtful about it."""
-    samples, stale, own = [], 0, 0
+    samples, stale, own, rbr = [], 0, 0, set[str]()
     for frame in _ordered(science):
-        kept, lost, stamped = _samples(frame)
+        filled, taken = _with_rbr(frame)
+        kept, lost, stamped = _samples(filled)
+        rbr |= taken
         samples.append(kept)
         stale += lost
         own += stamped
@@ -316,6 +320,8 @@ def _ctd(science: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
         if sensor in water and water[sensor].notna().any():
             out[name] = water[sensor] * factor
     findings = []
+    if rbr:
+        findings.append(Finding("note", "CTD", "", f"an RBR CTD: {', '.join(sorted(rbr))}", "", "in use"))
     if own < len(samples):
         found = f"no time stamps of the CTD in {len(samples) - own} of {len(samples)} files"
         findings.append(Finding("note", "CTD", "", found, "", "the science computer's times are used"))
@@ -323,6 +329,17 @@ def _ctd(science: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
         found = f"{stale} sample{'s' if stale > 1 else ''} repeated or without a measurement"
         findings.append(Finding("note", "CTD", "", found, "", "left out"))
     return out, findings
+
+
+def _with_rbr(frame: pd.DataFrame) -> tuple[pd.DataFrame, set[str]]:
+    """Return `frame` with what an RBR CTD measured in the place and units of what is missing or zero, and its names."""
+    changed, taken = {}, set()
+    for name, sensor, factor in zip(_WATER, _RBR, (1.0 / BAR, 1.0, 0.1), strict=True):
+        silent = name not in frame or not (frame[name].fillna(0.0) != 0.0).any()
+        if silent and sensor in frame and (frame[sensor].fillna(0.0) != 0.0).any():
+            changed[name] = frame[sensor] * factor
+            taken.add(sensor)
+    return frame.assign(**changed), taken
 
 
 def _samples(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, bool]:

@@ -15,21 +15,26 @@ from typing import TYPE_CHECKING
 from pipeline.findings import Finding, InputError, nearest
 from pipeline.ingest.columns import Candidates, Source, chosen, converted, listed, match
 from pipeline.ingest.fills import without_fills
+from pipeline.ingest.headers import of_receiver
 from pipeline.ingest.sheets import Sheet, is_netcdf, sheets
-from pipeline.ingest.units import by_range
+from pipeline.ingest.units import by_range, spelling
 from pipeline.mission import Mission, Table
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
     import pandas as pd
 
     from pipeline.ingest.logs import Logs
+
+    Array = npt.NDArray[np.float64]
 
 TRUTH = "truth.parquet"
 #: Names of a Seaglider's per-dive files, which are read as what they are.
 SEAGLIDER = r"p\d{7}(_\w+)?\.nc"
 #: Names of plain tables; SeaExplorer numbers its files behind ``gli.sub`` and the like.
 _NAME = re.compile(
-    rf"(?!{SEAGLIDER}$).+\.(nc|parquet|(csv|txt|tsv|asc|dba|[dsmnet]bdasc)(\.gz)?|(gli|pld\d)\.(sub|raw)(\.(\d+|all))?(\.gz)?)",
+    rf"(?!{SEAGLIDER}$).+\.(nc|parquet|(csv|txt|tsv|dat|asc|dba|[dsmnet]bdasc)(\.gz)?|(gli|pld\d)\.(sub|raw)(\.(\d+|all))?(\.gz)?)",
     re.IGNORECASE,
 )
 
@@ -81,6 +86,7 @@ def read(mission: Mission) -> Logs:
     InputError
         If mission.yaml names a file, a column or a unit that is not there, or the times of no file can be understood.
     """
+    from pipeline.ingest import turns
     from pipeline.ingest.logs import Logs, gather
     from pipeline.ingest.seawater import pressure_and_conductivity
 
@@ -95,7 +101,7 @@ def read(mission: Mission) -> Logs:
         alike = [part for part in parts if part.likeness == likeness]
         sources, notes = chosen([part.raw for part in alike], alike[0].candidates, alike[0].file)
         findings += notes
-        guesses = _guesses([part.raw for part in alike], sources)
+        guesses = _guesses([part for part in parts if part.is_like(alike[0])], sources)
         for part in alike:
             try:
                 frame, notes = converted(part.raw, part.candidates["time"], sources, part.table, part.file, guesses)
@@ -111,8 +117,9 @@ def read(mission: Mission) -> Logs:
     findings += [
         replace(error.finding, remedy=f"file left out; {error.finding.remedy}".rstrip("; ")) for error in failures
     ]
-    streams, doubts = pressure_and_conductivity(mission, _join(streams))
-    return Logs(streams, gather([*findings, *doubts]))
+    streams, doubts = pressure_and_conductivity(mission, turns.joined(streams))
+    streams, notes = turns.taken(streams)
+    return Logs(streams, gather([*findings, *doubts, *notes]))
 
 
 @dataclass(frozen=True)
@@ -126,19 +133,38 @@ class _Part:
 
     @property
     def likeness(self) -> tuple[tuple[str, tuple[Source, ...]], ...]:
-        """What files of one instrument have in common."""
+        """What files with the same columns have in common."""
         return tuple(sorted(self.candidates.items()))
 
+    def is_like(self, other: _Part) -> bool:
+        """Return whether at least half of the columns of one of the two files are those of the other."""
+        ours, theirs = set(self.candidates.items()), set(other.candidates.items())
+        return 2 * len(ours & theirs) >= min(len(ours), len(theirs))
 
-def _guesses(raws: list[pd.DataFrame], sources: dict[str, Source]) -> dict[str, str]:
+
+def _guesses(parts: list[_Part], sources: dict[str, Source]) -> dict[str, str]:
     """Return the units that the ranges suggest where none is stated, from all files of an instrument together."""
     import numpy as np
 
+    def values(name: str, source: Source) -> Array:
+        raws = [part.raw for part in parts if source in part.candidates.get(name, ())]
+        return np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in raws])
+
     units = {
-        name: by_range(np.concatenate([raw[source.column].to_numpy(dtype=np.float64) for raw in raws]), name)
+        name: by_range(values(name, source), name)
         for name, source in sources.items()
         if source.unit is None and not name.endswith("_qc")
     }
+    # Depths below zero are heights, whatever the header says.
+    depth = sources.get("depth")
+    if depth is not None and depth.unit and depth.guessed and not depth.unit.startswith("-"):
+        depths = values("depth", depth)
+        if np.isfinite(depths).any() and by_range(depths, "depth").startswith("-"):
+            units["depth"] = f"-{depth.unit}"
+    # A roll of a degree is as small as one in radians; an instrument writes its angles alike.
+    angles = [name for name in ("pitch", "roll", "heading", "battery_roll") if name in sources]
+    if any(spelling(sources[name].unit or units[name]) == "deg" for name in angles):
+        units |= dict.fromkeys((name for name in angles if name in units), "deg")
     # Near the equator or Greenwich one of the two is small enough for either; a receiver writes both alike.
     position = {name for name in ("latitude", "longitude") if name in units}
     if any(units[name] == "ddmm" for name in position):
@@ -158,7 +184,39 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> list[_Part]
     if is_netcdf(path):
         written = "what the program that wrote it interpolated cannot be told from what was measured"
         findings.append(Finding("note", path.name, "", "netCDF", "the logs themselves", written))
-    return [part for sheet in found if (part := _read_sheet(sheet, table, findings))]
+    parts = [part for sheet in found if (part := _read_sheet(sheet, table, findings))]
+    return _fixes_first(parts, findings)
+
+
+def _fixes_first(parts: list[_Part], findings: list[Finding]) -> list[_Part]:
+    """Return the tables of one file, those beside the fixes of a receiver without positions: they are interpolated.
+
+    Where mission.yaml names a position, or the receiver has none, nothing changes.
+    """
+    fixes = [
+        part
+        for part in parts
+        if any(of_receiver(str(name)) == "latitude" and part.raw[name].notna().any() for name in part.raw)
+    ]
+    if not fixes or len(parts) == len(fixes):
+        return parts
+    out = []
+    for part in parts:
+        guessed = {
+            name: entry
+            for name, entry in part.candidates.items()
+            if name.removesuffix("_qc") in ("latitude", "longitude") and name not in part.table.columns
+        }
+        if part in fixes or not guessed:
+            out.append(part)
+            continue
+        names = ", ".join(source.column for entry in guessed.values() for source in entry)
+        found = f"positions beside the fixes of the receiver: {names}"
+        findings.append(Finding("note", part.file, "", found, "", "not read; the fixes are"))
+        left = {name: entry for name, entry in part.candidates.items() if name not in guessed}
+        if set(left) - {"time"}:
+            out.append(replace(part, candidates=left))
+    return out
 
 
 def _read_sheet(sheet: Sheet, table: Table, findings: list[Finding]) -> _Part | None:
@@ -166,7 +224,12 @@ def _read_sheet(sheet: Sheet, table: Table, findings: list[Finding]) -> _Part | 
     name = sheet.path.name
     if sheet.others:
         table = _about(table, sheet)
-    candidates, notes = match(sheet.columns, sheet.units, table, name)
+    candidates, notes = match(sheet.columns, sheet.units, table, name, sheet.meanings)
+    if not candidates:
+        what = f"nothing that is known among the columns {listed(sheet.columns)}"
+        remedy = f"file left out; if it is a log, name its columns under files: {name}: in mission.yaml"
+        findings.append(Finding("warning", name, "", what, "a time and measurements", remedy))
+        return None
     findings.extend(notes)
     if "time" not in candidates:
         findings.append(
@@ -192,11 +255,11 @@ def _read_sheet(sheet: Sheet, table: Table, findings: list[Finding]) -> _Part | 
             )
         )
         return None
-    raw, trouble = sheet.read(candidates)
-    findings.extend(
-        Finding("warning", name, "", what, "one number or time in each field", "those were left out")
-        for what in trouble
-    )
+    raw, notes = sheet.read(candidates)
+    findings.extend(notes)
+    if raw.empty and sheet.fixes:
+        findings.append(Finding("note", name, "", f"no fix in {listed(sheet.columns)}"))
+        return None
     if raw.empty:
         findings.append(Finding("error", name, "", "a header and no records", "records", "file left out"))
         return None
@@ -217,31 +280,3 @@ def _about(table: Table, sheet: Sheet) -> Table:
     }
     time = None if table.time is not None and table.time.column in elsewhere else table.time
     return table.model_copy(update={"columns": columns, "time": time})
-
-
-def _join(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
-    """Return `streams` with those of the same columns that follow each other in time put together."""
-    import pandas as pd
-
-    def span(frame: pd.DataFrame) -> tuple[float, float]:
-        time = frame["time"][frame["time"].between(6.3e8, 4.2e9)]
-        return float(time.min()), float(time.max())
-
-    groups: dict[tuple[str, ...], list[list[pd.DataFrame]]] = {}
-    for frame in sorted(streams, key=lambda frame: span(frame)[0]):
-        rows = groups.setdefault(tuple(sorted(frame.columns)), [])
-        for row in rows:
-            if span(row[-1])[1] < span(frame)[0]:
-                row.append(frame)
-                break
-        else:
-            rows.append([frame])
-    out = []
-    for rows in groups.values():
-        for row in rows:
-            joined = pd.concat(row, ignore_index=True) if len(row) > 1 else row[0]
-            names = [frame.attrs["name"] for frame in row]
-            label = ", ".join(names) if len(names) < 4 else f"{names[0]} … {names[-1]}"
-            joined.attrs = {**row[0].attrs, "name": label}
-            out.append(joined)
-    return sorted(out, key=lambda frame: str(frame.attrs["name"]))

@@ -6,11 +6,15 @@ import codecs
 import csv
 import gzip
 import io
+import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.ingest import headers
+from pipeline.findings import Finding
+from pipeline.ingest import headers, numerals
+from pipeline.ingest.numerals import is_numeral
 from pipeline.ingest.units import UNITS, spelling
 
 if TYPE_CHECKING:
@@ -44,11 +48,13 @@ class Layout:
     skipped
         Lines before the first record.
     decimal
-        "." or ",".
+        "." or ",", of most columns; one may have the other (`pipeline.ingest.numerals`).
     encoding
-        ``utf-8``, ``utf-16`` or ``latin-1``.
+        ``utf-8``, ``utf-16``, ``gb18030`` or ``latin-1``.
     first
         Fields of the first record, empty if there is none.
+    quoted
+        Whether fields may stand in quotation marks.
     """
 
     names: list[str]
@@ -58,32 +64,43 @@ class Layout:
     decimal: str
     encoding: str
     first: list[str]
+    quoted: bool
 
 
-def sniff(path: Path) -> Layout | None:
-    """Return the layout of the text table `path`, None if it is not one (binary, empty, or without a header)."""
+def sniff(path: Path) -> Layout:
+    """Return the layout of the text table `path`.
+
+    Raises
+    ------
+    UnreadableError
+        If it is none: empty, packed and damaged, binary, or without a header.
+    """
+    from pipeline.ingest.logs import UnreadableError
+
+    table, out = "a header line and records", "file left out"
     try:
-        with _open(path) as file:
-            raw: bytes = file.read(_SNIFFED)
-    except (OSError, EOFError):
-        return None
+        raw = _beginning(path)
+    except (OSError, EOFError, zlib.error) as error:
+        raise UnreadableError(f"a file that cannot be read ({error})", table, f"{out}; copy it again") from error
     if not raw.strip():
-        return None
+        raise UnreadableError("an empty file", table, f"{out}; copy it again")
     text, encoding = _decoded(raw)
-    if "\0" in text:
-        return None
-    lines = text.splitlines()
+    if _is_binary(text):
+        raise UnreadableError("no text", table, f"{out}; write it as CSV")
+    lines = text.replace("\0", "").splitlines()
     if len(raw) == _SNIFFED and len(lines) > 1:
         lines.pop()
     start = _header(lines)
     if start is None:
-        return None
+        raise UnreadableError("nothing but comments", table, out)
     header = lines[start].lstrip(f"{_COMMENTS} ")
     separator = _separator(header)
     names = _fields(header, separator)
     body = lines[start + 1 :]
-    if all(is_number(name) for name in names) or (len(names) < 2 and separator == ""):
-        return None
+    if all(is_numeral(name) for name in names):
+        raise UnreadableError("numbers without a header", table, f"{out}; add a first line that names the columns")
+    if len(names) < 2 and separator == "":
+        raise UnreadableError("no table", table, out)
     units = [""] * len(names)
     skipped = start + 1
     if body and _is_unit_line(_fields(body[0], separator), len(names)):
@@ -97,7 +114,24 @@ def sniff(path: Path) -> Layout | None:
     records = [_fields(line, separator) for line in body[:_LINES] if line.strip()]
     decimal = "," if separator != "," and _decimal_commas(records) else "."
     first = next((record for record in records if len(record) == len(names)), records[0] if records else [])
-    return Layout(_unique(names), units, separator, skipped, decimal, encoding, first)
+    return Layout(_unique(names), units, separator, skipped, decimal, encoding, first, quoted='"' in text)
+
+
+def _beginning(path: Path) -> bytes:
+    """Return the first bytes of a file, what there is of them where packed data end before their time."""
+    raw = b""
+    with _open(path) as file:
+        while len(raw) < _SNIFFED:
+            try:
+                part = file.read(min(1 << 10, _SNIFFED - len(raw)))
+            except (OSError, EOFError, zlib.error):
+                if raw:
+                    break
+                raise
+            if not part:
+                break
+            raw += part
+    return raw
 
 
 def _decoded(raw: bytes) -> tuple[str, str]:
@@ -109,7 +143,20 @@ def _decoded(raw: bytes) -> tuple[str, str]:
     except UnicodeDecodeError as error:
         if error.start > len(raw) - 4:
             return raw.decode("utf-8-sig", errors="ignore"), "utf-8"
-        return raw.decode("latin-1"), "latin-1"
+        encoding = "gb18030" if _is_chinese(raw) else "latin-1"
+        return raw.decode(encoding, errors="ignore"), encoding
+
+
+def _is_binary(text: str) -> bool:
+    """Return whether `text` is none: begins with a NUL, or has more of them than a logger that lost power leaves."""
+    return text[:64].count("\0") > 0 or text.count("\0") > 0.5 * len(text)
+
+
+def _is_chinese(raw: bytes) -> bool:
+    """Return whether bytes that are no UTF-8 are GB 18030: their high bytes are pairs that are common characters."""
+    runs = [run for run in re.findall(rb"[\x80-\xff]+", raw[:-4]) if len(run) > 1]
+    text = b"".join(runs).decode("gb18030", errors="replace")
+    return len(runs) > 1 and all("\u4e00" <= character <= "\u9fff" or character in "（）℃°" for character in text)
 
 
 def _header(lines: list[str]) -> int | None:
@@ -134,12 +181,12 @@ def _separator(header: str) -> str:
 def _decimal_commas(records: list[list[str]]) -> bool:
     """Return whether numbers are written with a decimal comma, and none with a point."""
     fields = [field for record in records for field in record]
-    return any("," in field and is_number(field.replace(",", ".", 1)) for field in fields) and not any(
-        "." in field and is_number(field) for field in fields
+    return any("," in field and _is_float(field.replace(",", ".", 1)) for field in fields) and not any(
+        "." in field and _is_float(field) for field in fields
     )
 
 
-def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[Finding]]:
     """Return the named columns of the text table `path`, and what could not be read of them.
 
     Parameters
@@ -153,21 +200,23 @@ def read(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> 
 
     Returns
     -------
-    frame, trouble
-        The table, and one sentence part for each kind of trouble: lines with a wrong number of fields, fields that are
-        no numbers.
+    frame, findings
+        The table, and one finding for each kind of trouble: lines with a wrong number of fields, fields that are no
+        numbers, numbers written otherwise than in the rest of the file.
     """
     import pyarrow as pa
 
     if layout.separator:
         try:
             return _read_arrow(path, layout, numeric, textual)
-        except (pa.ArrowInvalid, EOFError, OSError):
+        except (pa.ArrowInvalid, EOFError, OSError, UnicodeError, zlib.error):
             return _read_slowly(path, layout, numeric, textual)
     return _read_slowly(path, layout, numeric, textual)
 
 
-def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _read_arrow(
+    path: Path, layout: Layout, numeric: list[str], textual: list[str]
+) -> tuple[pd.DataFrame, list[Finding]]:
     import pyarrow as pa
     from pyarrow import csv as arrow
 
@@ -182,7 +231,9 @@ def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[st
         read_options=arrow.ReadOptions(
             use_threads=False, column_names=layout.names, skip_rows=layout.skipped, encoding=layout.encoding
         ),
-        parse_options=arrow.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+        parse_options=arrow.ParseOptions(
+            delimiter=layout.separator, quote_char='"' if layout.quoted else False, invalid_row_handler=skip
+        ),
         convert_options=arrow.ConvertOptions(
             column_types={**dict.fromkeys(numeric, pa.float64()), **dict.fromkeys(textual, pa.string())},
             include_columns=[*textual, *numeric],
@@ -191,21 +242,25 @@ def _read_arrow(path: Path, layout: Layout, numeric: list[str], textual: list[st
             decimal_point=layout.decimal,
         ),
     )
-    return table.to_pandas(), _broken(broken)
+    if layout.quoted and table.num_rows + len(broken) < _count(path, layout):
+        raise pa.ArrowInvalid("a stray quotation mark that swallows lines")
+    return table.to_pandas(), _broken(broken, path)
 
 
-def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _read_slowly(
+    path: Path, layout: Layout, numeric: list[str], textual: list[str]
+) -> tuple[pd.DataFrame, list[Finding]]:
     """Read field by field as text: for blank-separated tables, truncated gzip and fields that are no numbers."""
     import pandas as pd
 
     broken: list[int] = []
     rows: list[list[str]] = []
     width = len(layout.names)
-    trouble: list[str] = []
+    findings: list[Finding] = []
     with io.TextIOWrapper(_open(path), encoding=layout.encoding, errors="replace") as file:
         try:
             for number, raw in enumerate(file, 1):
-                line = raw.rstrip("\n")
+                line = raw.rstrip("\n").replace("\0", "")
                 if number <= layout.skipped or not line.strip():
                     continue
                 fields = _fields(line, layout.separator)
@@ -213,27 +268,43 @@ def _read_slowly(path: Path, layout: Layout, numeric: list[str], textual: list[s
                     rows.append(fields)
                 else:
                     broken.append(number)
-        except (EOFError, OSError) as error:
-            trouble.append(f"an end of the file before its time ({error})")
+        except (EOFError, OSError, zlib.error) as error:
+            kept = f"its first {len(rows)} records are used; copy it again"
+            findings.append(Finding("warning", path.name, "", f"a file cut short ({error})", "a whole file", kept))
     frame = pd.DataFrame(rows, columns=layout.names, dtype="object")[[*textual, *numeric]]
     out: dict[str, Any] = {name: frame[name].where(~frame[name].isin(_MISSING)).astype("string") for name in textual}
     for name in numeric:
-        fields_of = frame[name].str.replace(",", ".", n=1) if layout.decimal == "," else frame[name]
-        values = pd.to_numeric(fields_of, errors="coerce")
-        wrong = values.isna() & ~frame[name].str.strip().isin(_MISSING)
+        out[name], written = numerals.values(frame[name], layout.decimal)
+        if written:
+            findings.append(Finding("note", path.name, f"column '{name}'", written))
+        wrong = out[name].isna() & ~frame[name].str.strip().isin(_MISSING)
         if wrong.any():
-            first = frame[name][wrong].iloc[0]
-            count = f"{int(wrong.sum())} of {len(frame)} fields"
-            trouble.append(f"{count} of column '{name}' that are no number, first '{first}'")
-        out[name] = values.astype("float64")
-    return pd.DataFrame(out), [*_broken(broken), *trouble]
+            findings.append(no_numbers(path, name, frame[name], wrong))
+    return pd.DataFrame(out), [*_broken(broken, path), *findings]
 
 
-def _broken(numbers: list[int]) -> list[str]:
+def _count(path: Path, layout: Layout) -> int:
+    """Return how many lines there are below the header, blank ones apart."""
+    with _open(path) as file:
+        return sum(1 for number, line in enumerate(file, 1) if number > layout.skipped and line.strip())
+
+
+def left_out(path: Path, found: str) -> Finding:
+    """Return a finding about records or fields of the table `path` that are left out."""
+    return Finding("warning", path.name, "", found, "one number or time in each field", "those were left out")
+
+
+def no_numbers(path: Path, name: str, fields: pd.Series[Any], wrong: pd.Series[bool]) -> Finding:
+    """Return a finding about those `fields` of column `name`, shape (n,), that are `wrong`."""
+    count, first = f"{int(wrong.sum())} of {len(fields)} fields", fields[wrong].iloc[0]
+    return left_out(path, f"{count} of column '{name}' that are no number, first '{first}'")
+
+
+def _broken(numbers: list[int], path: Path) -> list[Finding]:
     if not numbers:
         return []
     count = f"{len(numbers)} line{'s' if len(numbers) > 1 else ''}"
-    return [f"{count} with a wrong number of fields, first line {numbers[0]}"]
+    return [left_out(path, f"{count} with a wrong number of fields, first line {numbers[0]}")]
 
 
 def _open(path: Path) -> Any:
@@ -248,8 +319,7 @@ def _fields(line: str, separator: str) -> list[str]:
     return [field.strip() for field in next(csv.reader([line], delimiter=separator))]
 
 
-def is_number(text: str) -> bool:
-    """Return whether `text` is a number."""
+def _is_float(text: str) -> bool:
     try:
         float(text)
     except ValueError:
@@ -268,7 +338,7 @@ def _is_unit_line(fields: list[str], width: int) -> bool:
     plain = [field for field in filled if field not in _NO_UNIT]
     if len(plain) < len(filled) and not any(_is_unit(field) for field in plain):
         return False
-    return bool(plain) and not any(field[0].isdigit() or is_number(field) for field in plain)
+    return bool(plain) and not any(field[0].isdigit() or is_numeral(field) for field in plain)
 
 
 def _is_unit(field: str) -> bool:

@@ -23,6 +23,8 @@ _YEAR_1990 = 631152000.0
 _ZONE = re.compile(r"(?:Z|UTC|GMT|[+-]\d{2}:?\d{2}|(?<=:\d{2})[+-]\d{2}|(?<=\.\d)[+-]\d{2})\s*$", re.IGNORECASE)
 _SLASHED = re.compile(r"^\s*(\d{1,2})[/.-](\d{1,2})[/.-](\d{4})")
 _NAMED = re.compile(r"^\d{1,2}([/. -])[A-Za-z]{3}[/. -]\d{4}")
+#: A date with the name of its month, in another order or written out.
+_MONTH = re.compile(r"(?:^|[^A-Za-z])(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*", re.IGNORECASE)
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.,]\d+)?)?(?P<half>\s*[AaPp][Mm])?")
 #: Files of a SeaExplorer, whose dates have the day first.
 _SEAEXPLORER = re.compile(r"\.(gli|pld\d)\.(sub|raw)\b", re.IGNORECASE)
@@ -35,6 +37,14 @@ _SINCE = re.compile(
 _SPANS = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 #: Days of MATLAB's datenum and of the Julian calendar at 1970-01-01, and what today is in them.
 _DAYS = {"datenum": (719529.0, 7.26e5, 7.67e5), "julian": (2440587.5, 2.447e6, 2.489e6)}
+#: Days of other calendars that today is the same number in: origin, and what has it.
+_CALENDARS = {
+    "1899-12-30": "a date of Excel",
+    "1858-11-17": "a Modified Julian Day",
+    "1950-01-01": "days of Argo and EGO",
+}
+#: Date and time run together, as 20160622173000.
+_COMPACT = (1.99e13, 2.1e13)
 
 
 def is_unit(unit: str | None) -> bool:
@@ -42,16 +52,18 @@ def is_unit(unit: str | None) -> bool:
     return unit in UNITS or unit in _DAYS or bool(unit and _SINCE.match(unit))
 
 
-def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
+def numeric(values: Array, unit: str | None, file: str, column: str, timezone: str = "UTC") -> Array:
     """Return numeric times, shape (n,), as seconds since 1970 UTC.
 
     Without `unit` it follows from the size: 1.5e9 are seconds, 1.5e12 ms, 1.5e15 µs, 1.5e18 ns, 7.36e5 days of
-    MATLAB's datenum, 2.457e6 Julian days.
+    MATLAB's datenum, 2.457e6 Julian days, 2.016e13 a date and time run together (20160622173000).
+    Days of a calendar that names no zone (datenum, "days since …") are those of `timezone`, IANA name, as are dates run
+    together; seconds since 1970 are UTC, and so are Julian days.
 
     Raises
     ------
     InputError
-        If the unit is unknown, or the times count from the start of the mission instead of 1970.
+        If the unit or the zone is unknown, or the times count from the start of the mission instead of 1970.
     """
     import numpy as np
 
@@ -60,11 +72,15 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
         middle = float(np.median(finite)) if finite.size else 0.0
         unit = next((finer for finer, least in _SIZES if least <= middle < 1e20), "s")
         unit = next((days for days, (_, low, high) in _DAYS.items() if low <= middle < high), unit)
+        if _COMPACT[0] <= middle < _COMPACT[1]:
+            return _universal(_run_together(values), timezone, file)
     if unit in _DAYS:
-        return np.asarray((values - _DAYS[unit][0]) * 86400.0)
+        seconds = np.asarray((values - _DAYS[unit][0]) * 86400.0)
+        return _universal(seconds, timezone, file) if unit == "datenum" else seconds
     if since := _SINCE.match(unit):
         span = next(seconds for name, seconds in _SPANS.items() if since["span"].lower().startswith(name))
-        return np.asarray(values * span + _origin(since["origin"], file, column))
+        counted = np.asarray(values * span + _origin(since["origin"], file, column))
+        return counted if _ZONE.search(since["origin"]) else _universal(counted, timezone, file)
     if unit not in UNITS:
         raise InputError(
             file,
@@ -82,9 +98,80 @@ def numeric(values: Array, unit: str | None, file: str, column: str) -> Array:
             found=f"times from {float(finite.min()):g} to {float(finite.max()):g} {unit}",
             expected="seconds since 1970-01-01 UTC or ISO 8601 text",
             remedy=f"say what they count from: files: {{{file}: {{time: {{column: {column}, unit: "
-            "'seconds since 2000-01-01'}}} in mission.yaml",
+            f"'seconds since 2000-01-01'}}}}}} in mission.yaml{_readings(float(finite[0]))}",
         )
     return np.asarray(seconds)
+
+
+def _readings(number: float) -> str:
+    """Return what dates `number` may be, and the units that say so; "" where it is in no calendar of days."""
+    import pandas as pd
+
+    told = []
+    for origin, name in _CALENDARS.items():
+        days = number + (pd.Timestamp(origin) - pd.Timestamp(0)).days
+        if 1990 <= 1970 + days / 365.2425 < 2040:
+            date = pd.Timestamp(0) + pd.Timedelta(days=days)
+            told.append(f"'days since {origin}' if {number:.10g} is {name} ({date:%Y-%m-%d %H:%M})")
+    return f"; {', '.join(told)}" if told else ""
+
+
+def assembled(parts: dict[str, Array], timezone: str, file: str) -> Array:
+    """Return times whose year, month, day, hour, minute and second are columns, shape (n,), as seconds since 1970 UTC.
+
+    Parameters
+    ----------
+    parts
+        By the names of `pipeline.ingest.headers.CALENDAR`; minute and second are zero where they are not there, and
+        years below 70 are those of this century.
+    timezone
+        IANA name of the zone of these times.
+    file
+        For messages.
+
+    Raises
+    ------
+    InputError
+        If the zone is unknown.
+    """
+    import numpy as np
+    import pandas as pd
+
+    year = np.where(parts["year"] < 100, parts["year"] + np.where(parts["year"] < 70, 2000, 1900), parts["year"])
+    known = np.isfinite(year) & np.isfinite(parts["month"]) & np.isfinite(parts["day"]) & (np.abs(year - 2000) < 200)
+    date = {
+        "year": np.where(known, year, 1970),
+        "month": np.where(known, parts["month"], 1),
+        "day": np.where(known, parts["day"], 1),
+    }
+    days = pd.DatetimeIndex(pd.to_datetime(pd.DataFrame(date), errors="coerce")).as_unit("s")
+    seconds = np.where(known & np.asarray(days.notna()), days.asi8.astype(np.float64), np.nan)
+    for name, span in (("hour", 3600.0), ("minute", 60.0), ("second", 1.0)):
+        seconds = seconds + span * parts.get(name, np.zeros_like(seconds))
+    return _universal(seconds, timezone, file)
+
+
+def _run_together(values: Array) -> Array:
+    """Return times written as numbers yyyymmddhhmmss, shape (n,), as seconds since 1970 of their own zone."""
+    import numpy as np
+    import pandas as pd
+
+    whole = pd.Series(np.trunc(np.nan_to_num(values)).astype(np.int64).astype(str))
+    stamps = pd.DatetimeIndex(pd.to_datetime(whole, format="%Y%m%d%H%M%S", errors="coerce")).as_unit("ns")
+    return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9 + np.mod(values, 1.0))
+
+
+def _universal(seconds: Array, timezone: str, file: str) -> Array:
+    """Return times told by the clock of a zone, shape (n,), s since 1970 there, as seconds since 1970 UTC."""
+    import numpy as np
+    import pandas as pd
+
+    zone = _zone(timezone, file)
+    if zone.key == "UTC":
+        return seconds
+    local = pd.Series(pd.to_datetime(pd.Series(np.round(seconds * 1e6)), unit="us", errors="coerce"))
+    stamps = pd.DatetimeIndex(_localised(local, zone).dt.tz_convert("UTC")).as_unit("ns")
+    return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9)
 
 
 def _origin(text: str, file: str, column: str) -> float:
@@ -226,7 +313,7 @@ def _layout(texts: pd.Series[Any], file: str, column: str) -> str:
         return f"%d{named[1]}%b{named[1]}%Y{clock_format(first[named.end() :])}"
     slashed = _SLASHED.match(first)
     if not slashed:
-        return "ISO8601"
+        return _by_name(first) or "ISO8601"
     parts = texts.str.extract(_SLASHED.pattern).astype("float64")
     mark, clock = first[len(slashed[1])], clock_format(first[slashed.end() :])
     day_first = f"%d{mark}%m{mark}%Y{clock}"
@@ -242,6 +329,13 @@ def _layout(texts: pd.Series[Any], file: str, column: str) -> str:
         remedy=f"for day{mark}month{mark}year: files: {{{file}: {{time: {{column: {column}, unit: '{day_first}'}}}}}} "
         "in mission.yaml",
     )
+
+
+def _by_name(text: str) -> str | None:
+    """Return the format of a date that names its month, in whatever order; None where it does not."""
+    from pandas.tseries.api import guess_datetime_format
+
+    return guess_datetime_format(text) if _MONTH.search(text) else None
 
 
 def clock_format(text: str) -> str:

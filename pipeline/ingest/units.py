@@ -54,17 +54,23 @@ _PRESSURE = Dimension(
     },
 )
 _TEMPERATURE = Dimension("temperature", {"degc": (1.0, 0.0), "k": (1.0, -273.15), "degf": (5.0 / 9.0, -160.0 / 9.0)})
-_CONDUCTIVITY = Dimension("conductivity", {"s/m": (1.0, 0.0), "ms/cm": (0.1, 0.0), "us/cm": (1e-4, 0.0)})
+_CONDUCTIVITY = Dimension(
+    "conductivity", {"s/m": (1.0, 0.0), "ms/cm": (0.1, 0.0), "us/cm": (1e-4, 0.0), "ms/m": (1e-3, 0.0)}
+)
 _VOLUME = Dimension("volume", {"m3": (1.0, 0.0), "l": (1e-3, 0.0), "cm3": (1e-6, 0.0)})
 _ROTATION = Dimension("rotation", {"rev/s": (1.0, 0.0), "rpm": (1.0 / 60.0, 0.0), "rad/s": (0.5 / math.pi, 0.0)})
 _POWER = Dimension("power", {"w": (1.0, 0.0), "kw": (1000.0, 0.0)})
 _VOLTAGE = Dimension("voltage", {"v": (1.0, 0.0), "mv": (1e-3, 0.0)})
-_SPEED = Dimension("speed", {"m/s": (1.0, 0.0), "cm/s": (0.01, 0.0), "km/h": (1 / 3.6, 0.0), "kn": (1852 / 3600, 0.0)})
+_SPEED = Dimension(
+    "speed",
+    {"m/s": (1.0, 0.0), "cm/s": (0.01, 0.0), "mm/s": (1e-3, 0.0), "km/h": (1 / 3.6, 0.0), "kn": (1852 / 3600, 0.0)},
+)
 #: ``ddmm``: degrees and decimal minutes run together, 5442.5 = 54° 42.5', as NMEA receivers write.
 _POSITION = Dimension("position", {"deg": (1.0, 0.0), "rad": (180.0 / math.pi, 0.0), "ddmm": (1.0, 0.0)})
 _SALINITY = Dimension("practical salinity", {"1": (1.0, 0.0)})
 
-#: What a plain table may hold besides time, and its kind. `depth` and `salinity` become pressure and conductivity.
+#: What a plain table may hold besides time, and its kind. `depth` and `salinity` become pressure and conductivity,
+#: `magnetic_variation` turns a magnetic heading true.
 QUANTITIES: dict[str, Dimension] = {
     "pressure": _PRESSURE,
     "depth": _LENGTH,
@@ -85,12 +91,14 @@ QUANTITIES: dict[str, Dimension] = {
     "speed_through_water_std": _SPEED,
     "latitude": _POSITION,
     "longitude": _POSITION,
+    "magnetic_variation": _ANGLE,
 }
 
 _SPELLINGS = {
     "decibar": "dbar",
     "decibars": "dbar",
     "db": "dbar",
+    "dbars": "dbar",
     "bars": "bar",
     "millibar": "mbar",
     "pascal": "pa",
@@ -115,6 +123,20 @@ _SPELLINGS = {
     "degrees_celsius": "degc",
     "kelvin": "k",
     "f": "degf",
+    "℃": "degc",
+    "deg.c": "degc",
+    "its-90": "degc",
+    "its-90,degc": "degc",
+    "degcits-90": "degc",
+    "摄氏度": "degc",
+    "度": "deg",
+    "米": "m",
+    "毫米": "mm",
+    "分巴": "dbar",
+    "毫升": "cm3",
+    "立方厘米": "cm3",
+    "转/分": "rpm",
+    "伏": "v",
     "°f": "degf",
     "fahrenheit": "degf",
     "degree": "deg",
@@ -128,6 +150,9 @@ _SPELLINGS = {
     "radian": "rad",
     "radians": "rad",
     "s_m": "s/m",
+    "siemens/m": "s/m",
+    "mmho/cm": "ms/cm",
+    "mmhos/cm": "ms/cm",
     "mho/m": "s/m",
     "mhos/m": "s/m",
     "sm-1": "s/m",
@@ -147,6 +172,9 @@ _SPELLINGS = {
     "rev_s": "rev/s",
     "rev/min": "rpm",
     "r/min": "rpm",
+    "1/min": "rpm",
+    "min-1": "rpm",
+    "degrees/s": "deg/s",
     "rad_s": "rad/s",
     "rads-1": "rad/s",
     "deg_s": "deg/s",
@@ -161,6 +189,8 @@ _SPELLINGS = {
     "millivolts": "mv",
     "m_s": "m/s",
     "ms-1": "m/s",
+    "mm_s": "mm/s",
+    "mms-1": "mm/s",
     "cm_s": "cm/s",
     "cms-1": "cm/s",
     "knot": "kn",
@@ -170,8 +200,20 @@ _SPELLINGS = {
     "nmea": "ddmm",
     "lat": "ddmm",
     "lon": "ddmm",
+    "ddmm.mm": "ddmm",
     "ddmm.mmm": "ddmm",
+    "ddmm.mmmm": "ddmm",
+    "degn": "deg",
+    "dege": "deg",
+    "degree_n": "deg",
+    "degree_e": "deg",
+    "degreesn": "deg",
+    "degreese": "deg",
+    "degt": "deg",
+    "degreestrue": "deg",
     "psu": "1",
+    "ppt": "1",
+    "‰": "1",
     "pss": "1",
     "pss-78": "1",
     "pss78": "1",
@@ -189,6 +231,7 @@ _PLAIN = str.maketrans("³µμ⁻¹º", "3uu-1°")
 def spelling(unit: str) -> str:
     """Return `unit` as the tables of this module spell it: lower case, no blanks, no superscripts."""
     plain = re.sub(r"[\s^*]", "", unit.strip().lower()).translate(_PLAIN)
+    plain = re.sub(r"(?<=[a-z])\.(?=[a-z]+-1)", "", plain)
     return _SPELLINGS.get(plain, plain)
 
 
@@ -236,11 +279,11 @@ def by_range(values: Array, name: str) -> str:
     """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
 
     The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per second;
-    temperatures around 300 are kelvin and beyond 45 degrees Fahrenheit; conductivity above 8 is mS/cm and above 200
-    µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and beyond 0.05 litres; battery positions beyond
-    2 are mm; propeller speeds beyond 60 are rpm; battery voltages beyond 1000 are mV; speeds beyond 5 are cm/s;
-    positions beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes together; depths below zero are
-    heights. Else the unit of the records.
+    variation of the compass is in degrees; temperatures around 300 are kelvin and beyond 45 degrees Fahrenheit;
+    conductivity above 8 is mS/cm and above 200 µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and
+    beyond 0.05 litres; battery positions beyond 2 are mm; propeller speeds beyond 60 are rpm; battery voltages beyond
+    1000 are mV; speeds beyond 5 are cm/s; positions beyond ±90 (latitude) or ±360 (longitude) run degrees and minutes
+    together; depths below zero are heights. Else the unit of the records.
     """
     import numpy as np
 
@@ -251,6 +294,8 @@ def by_range(values: Array, name: str) -> str:
     match name:
         case "pitch" | "roll" | "battery_roll":
             return "deg" if top > 1.6 else "rad"
+        case "magnetic_variation":
+            return "deg"
         case "pitch_rate":
             return "deg/s" if top > 0.35 else "rad/s"
         case "heading":

@@ -72,3 +72,15 @@ def test_crossing_the_date_line_is_no_jump() -> None:
 
 def test_no_fixes_are_no_trouble() -> None:
     assert fixes.consistent(np.zeros(0), np.zeros(0), np.zeros(0)).size == 0
+
+
+def test_where_one_sensor_of_pressure_is_silent_another_tells_the_depth() -> None:
+    ctd, gps = _streams(np.r_[np.full(60, 0.3), np.full(60, 40.0)], np.array([30.0, 90.0]), np.zeros(2))
+    silent = ctd["time"] - START >= 60.0
+    other = ctd.assign(pressure=ctd["pressure"] - 0.1)
+    other.attrs = {"name": "vehicle.csv"}
+    ctd.loc[silent, "pressure_qc"] = Quality.MISSING
+    more = pd.DataFrame({"time": START - 200.0 + np.arange(100.0), "pressure": 0.3, "pressure_qc": Quality.GOOD})
+    first = pd.concat([more, ctd[~silent]], ignore_index=True)
+    assert _flags([first, other, gps])[0] == [True, False]
+    assert _flags([first, gps])[0] == [True, True]

@@ -315,3 +315,29 @@ def test_kolumbo_is_a_powered_glider_with_three_yos(data: Path, tmp_path: Path) 
     assert records["block"].max() + 1 >= 6
     rate = np.gradient(records["depth"], seconds(records["time"]))
     assert np.median(rate[records["phase"] == Phase.DESCENT]) == pytest.approx(0.34, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("yaml", "together", "words"),
+    [
+        ("", True, "its sign is turned"),
+        ("pitch: {scale: -1}\n", True, "pitch = -1 · logged"),
+        ("pitch: {scale: -1}\n", False, "pitch = -1 · logged"),
+        ("", False, "if its sign is reversed, pitch: {scale: -1} in mission.yaml turns it"),
+    ],
+)
+def test_a_reversed_pitch_comes_right_by_itself_or_by_the_line_that_is_told(
+    mission: Mission, yaml: str, together: bool, words: str
+) -> None:
+    straight = ingest.ingest(mission).records["pitch"]
+    path = mission.folder / "attitude.csv"
+    table = pd.read_csv(path)
+    table["pitch (deg)"] *= -1
+    table.drop(columns=[] if together else ["oil_volume (cm3)"]).to_csv(path, index=False)
+    (mission.folder / "mission.yaml").write_text(f"vehicle: petrel-ii\nlatitude: 54.75\nlongitude: 15.1\n{yaml}")
+    found = ingest.ingest(load(mission.folder))
+    sign = 1.0 if together or yaml else -1.0
+    np.testing.assert_allclose(found.records["pitch"], sign * straight)
+    about = [str(finding) for finding in found.findings if words in str(finding)]
+    assert len(about) == 1
+    assert len([finding for finding in found.findings if "on the way down" in finding.found]) == (0 if yaml else 1)

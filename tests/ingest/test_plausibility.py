@@ -20,7 +20,8 @@ ATTITUDE = {"file": "attitude.csv", "column": "Pitch"}
 
 
 def _check(table: pd.DataFrame) -> list[str]:
-    return [str(finding) for finding in plausibility.checked(table, CTD, ATTITUDE)]
+    plausibility.require(table, CTD, ATTITUDE)
+    return [str(finding) for finding in plausibility.with_pitch_checked(table, ATTITUDE, vouched=True)[1]]
 
 
 def _scaled(table: pd.DataFrame, factor: float) -> pd.DataFrame:
@@ -70,13 +71,48 @@ def test_radians_declared_as_degrees_are_caught(fly: Fly, table_of: TableOf) -> 
     )
 
 
-def test_a_pitch_with_nose_down_positive_is_doubted(fly: Fly, table_of: TableOf) -> None:
+DOUBT = (
+    "attitude.csv: column 'Pitch': found nose up on the way down; expected pitch with nose up positive; "
+    "if its sign is reversed, pitch: {scale: -1} in mission.yaml turns it; "
+    "or are the clocks of pitch and pressure in different zones?"
+)
+
+
+def test_a_pitch_with_nose_down_positive_is_turned_where_the_engine_beside_it_vouches_for_its_clock(
+    fly: Fly, table_of: TableOf
+) -> None:
     table = table_of(fly([0.0, *[200.0, 5.0] * 2]))
-    assert _check(table.assign(pitch=-table["pitch"])) == [
-        "attitude.csv: column 'Pitch': found nose up on the way down; expected pitch with nose up positive; "
-        "if its sign is reversed, give its unit with a minus sign (-deg) under files: in mission.yaml; "
-        "or are the clocks of pitch and pressure in different zones?"
+    found, findings = plausibility.with_pitch_checked(table.assign(pitch=-table["pitch"]), ATTITUDE, vouched=True)
+    np.testing.assert_array_equal(found["pitch"], table["pitch"])
+    assert [str(finding) for finding in findings] == [
+        "attitude.csv: column 'Pitch': found nose up on the way down and down on the way up in 30 minutes of dives and "
+        "30 minutes of climbs, with the engine as on a glider; expected pitch with nose up positive; "
+        "its sign is turned; pitch: {scale: -1} in mission.yaml says the same"
     ]
+
+
+@pytest.mark.parametrize("case", ["another file", "no engine", "engine reversed", "gyro", "propeller", "half of it"])
+def test_a_reversed_pitch_is_doubted_and_not_turned_where_its_clock_may_be_wrong(
+    fly: Fly, table_of: TableOf, case: str
+) -> None:
+    table = table_of(fly([0.0, *[200.0, 5.0] * 2]))
+    table["pitch"] *= -1
+    match case:
+        case "no engine":
+            table = table.drop(columns="buoyancy_volume")
+        case "engine reversed":
+            table["buoyancy_volume"] *= -1
+        case "gyro":
+            table["pitch_rate"] = 0.0
+        case "propeller":
+            table["propeller_speed"] = 10.0
+        case "half of it":
+            dives = table["depth"].diff() > 0
+            rows = np.arange(len(table)) % 1000 < 150
+            table.loc[dives & rows, "pitch"] *= -1
+    found, findings = plausibility.with_pitch_checked(table, ATTITUDE, vouched=case != "another file")
+    np.testing.assert_array_equal(found["pitch"], table["pitch"])
+    assert [str(finding) for finding in findings] == [DOUBT]
 
 
 def test_an_engine_logged_larger_on_dives_than_on_climbs_is_flagged_bad(fly: Fly, table_of: TableOf) -> None:

@@ -105,6 +105,25 @@ def test_a_pitch_without_noise_is_not_stuck_unless_it_stays_through_a_turn(fly: 
     assert (frame["pitch_qc"] == Quality.BAD).all()
 
 
+def test_a_pressure_that_dies_below_the_surface_is_flagged_while_the_nose_is_steep(fly: Callable[..., object]) -> None:
+    yo = fly([0.0, *[200.0, 5.0] * 2], step=4.0)
+    alive = np.arange(yo.time.size) < 400
+    frame = _stream("ctd.csv", time=yo.time, pressure=np.where(alive, yo.depth, yo.depth[400]), pitch=yo.pitch)
+    (frame,), findings = quality.checked([frame])
+    assert (frame["pressure_qc"] == Quality.BAD).tolist() == (~alive).tolist()
+    assert [str(finding) for finding in findings] == [
+        f"ctd.csv: pressure, record 401: found {int((~alive).sum())} values of a stuck sensor, "
+        f"first {yo.depth[400]:.6g} dbar; expected changes while pitch is steep; flagged bad and not used"
+    ]
+
+
+def test_a_pressure_held_at_the_surface_or_in_level_flight_is_not_stuck() -> None:
+    time = np.arange(0.0, 7200.0, 4.0)
+    for pressure, pitch in ((0.0, -1.0), (4.0, -1.0), (50.0, 0.02)):
+        (frame,), _ = quality.checked([_stream(time=time, pressure=pressure + 0 * time, pitch=pitch + 0 * time)])
+        assert (frame["pressure_qc"] == Quality.GOOD).all()
+
+
 def test_a_pitch_held_while_the_depth_is_held_is_not_stuck() -> None:
     glide = _glide().assign(pressure=10.0, pitch=0.06)
     (frame,), _ = quality.checked([glide])
@@ -252,3 +271,11 @@ def test_infinite_values_are_left_out_and_counted() -> None:
     assert [str(finding) for finding in findings] == [
         "ctd.csv: temperature, record 2: found 2 infinite values; expected a number; left out"
     ]
+
+
+def test_a_file_of_several_tables_is_named_once() -> None:
+    frames = [pd.DataFrame({"time": [0.0], "roll": [0.0]}) for _ in range(2)]
+    for frame in frames:
+        frame.attrs["name"] = "unit.nc"
+    with pytest.raises(InputError, match=r"^mission: found no pressure in unit\.nc; expected"):
+        quality.require(frames)

@@ -214,3 +214,19 @@ def test_depth_beside_a_pressure_in_the_wrong_unit_gives_it_away() -> None:
         "ctd.csv: column 'P': found a pressure 0.0992 times what the depth in the same file means; expected 1; "
         "correct the unit of pressure or depth under files: in mission.yaml"
     )
+
+
+def test_a_depth_that_no_ocean_has_costs_its_record() -> None:
+    found = seawater.pressure(np.array([10.0, -6.0, np.nan, 1e30, np.inf, -1.0]), 45.0)
+    np.testing.assert_allclose(found, [10.08, -6.0, np.nan, 1e30, np.inf, -1.008], rtol=1e-3)
+    np.testing.assert_allclose(
+        seawater.depth(np.array([10.08, 1e30, np.nan, np.inf, -1.0]), 45.0),
+        [10.0, np.nan, np.nan, np.nan, -0.99],
+        rtol=1e-2,
+    )
+
+
+def test_a_pressure_beyond_the_deepest_trench_does_not_ask_for_layers_down_to_it() -> None:
+    pressure = np.array([10.0, 20.0, 1e19, np.nan])
+    found = seawater.depth(pressure, 45.0, (pressure, np.full(4, 1027.0)))
+    np.testing.assert_allclose(found, [9.93, 19.86, np.nan, np.nan], rtol=1e-3)

@@ -503,3 +503,38 @@ def test_files_of_several_gliders_are_doubted_by_name(tmp_path):
         f"{tmp_path.name}: found files of gliders named other, unit; expected one; "
         "if these are not names of one vehicle, give each a folder of its own"
     ) in [str(finding) for finding in read(tmp_path).findings]
+
+
+RBR = {
+    "sci_m_present_time": 8,
+    "sci_water_pressure": 4,
+    "sci_water_cond": 4,
+    "sci_rbrctd_seapressure_00": 8,
+    "sci_rbrctd_temperature_00": 8,
+    "sci_rbrctd_conductivity_00": 8,
+    "sci_rbrctd_timestamp": 8,
+}
+
+
+@pytest.mark.parametrize("zero", [True, False])
+def test_an_rbr_ctd_is_read_where_the_sensors_of_the_others_are_silent(tmp_path, zero):
+    write(tmp_path, "00010000.dbd", dbd(FLIGHT, FLIGHT_ROWS))
+    rows = [
+        {
+            "sci_m_present_time": T0 + k,
+            "sci_rbrctd_timestamp": T0 + k - 0.2,
+            "sci_rbrctd_seapressure_00": 1.0 + k,
+            "sci_rbrctd_temperature_00": 10.0,
+            "sci_rbrctd_conductivity_00": 35.0,
+        }
+        | ({"sci_water_pressure": 0.0, "sci_water_cond": 0.0} if zero else {})
+        for k in range(8)
+    ]
+    write(tmp_path, "00010000.ebd", dbd(RBR, rows))
+    _, ctd = read(tmp_path).streams
+    assert ctd["time"].tolist() == [T0 + k - 0.2 for k in range(1, 8)]
+    np.testing.assert_allclose(ctd["pressure"], [1.0 + k for k in range(1, 8)])
+    np.testing.assert_allclose(ctd["temperature"], 10.0)
+    np.testing.assert_allclose(ctd["conductivity"], 3.5)
+    names = "sci_rbrctd_conductivity_00, sci_rbrctd_seapressure_00, sci_rbrctd_temperature_00"
+    assert f"CTD: found an RBR CTD: {names}; in use" in lines(tmp_path)

@@ -62,6 +62,13 @@ def make(tmp_path: Path) -> Callable[..., Mission]:
         ("pressure_qc", "pressure_qc", None),
         ("PRES_QC", "pressure_qc", None),
         ("oxygen_qc", None, None),
+        ("sci_rbrctd_seapressure_00", "pressure", None),
+        ("sci_rbrctd_conductivity_00", "conductivity", None),
+        ("sci_rbrctd_pressure_00", None, None),
+        ("AHRS pitch (deg)", "pitch", "deg"),
+        ("phi_deg", "roll", "deg"),
+        ("psi", None, None),
+        ("heading_true", "heading", None),
         ("battery_voltage [V]", "battery_voltage", "V"),
         ("Voltage", "battery_voltage", None),
         ("NAV_VOLTAGE", "battery_voltage", None),
@@ -459,18 +466,64 @@ def test_names_that_other_quantities_have_too_are_believed_with_a_unit_that_fits
     assert headers.quantity("Buoyancy [cc]") == ("buoyancy_volume", "cc")
 
 
-def test_a_depth_that_is_positive_up_is_seen_where_no_unit_is_stated_and_refused_where_one_is(
+def test_a_depth_that_is_positive_up_is_turned_and_told_and_refused_where_mission_yaml_states_the_unit(
     make: Callable[..., Mission],
 ) -> None:
     rows = "".join(f"{START + k},{-10 * k}\n" for k in range(4))
-    (stream,) = table.read(make({"a.csv": f"time,z\n{rows}"})).streams
-    assert stream["pressure"].iloc[-1] == pytest.approx(30.24, abs=0.02)
+    for header, unit in (("z", "-m"), ("z (m)", "-m"), ("z (cm)", "-cm")):
+        logs = table.read(make({"a.csv": f"time,{header}\n{rows}"}))
+        deepest = 0.3024 if "cm" in unit else 30.24
+        assert logs.streams[0]["pressure"].iloc[-1] == pytest.approx(deepest, rel=1e-3)
+        assert any(f"'{header}' is depth in {unit}" in str(finding) for finding in logs.findings)
+    yaml = "files: {a.csv: {columns: {depth: {column: z, unit: m}}}}\n"
     with pytest.raises(InputError) as error:
-        table.read(make({"a.csv": f"time,z (m)\n{rows}"}))
+        table.read(make({"a.csv": f"time,z\n{rows}"}, yaml))
     assert str(error.value) == (
-        "a.csv: column 'z (m)': found depth from -30 to 0 m; expected depth positive down; "
+        "a.csv: column 'z': found depth from -30 to 0 m; expected depth positive down; "
         "give its unit with a minus sign (-m) under files: in mission.yaml"
     )
+
+
+CHINESE = (
+    "时间,深度（米）,俯仰角(°),横滚角,航向角(度),温度(℃),油量(毫升),推进器转速(转/分),纬度,经度\n"
+    f"{START},10,-20,1,90,20,100,300,18,112\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "gb18030", "gbk"])
+def test_chinese_headers_are_understood_in_either_encoding(make: Callable[..., Mission], encoding: str) -> None:
+    (stream,) = table.read(make({"a.csv": CHINESE.replace("℃", "°C").encode(encoding)})).streams
+    row = stream.iloc[0]
+    assert row["pressure"] == pytest.approx(10.08, abs=0.02)
+    np.testing.assert_allclose(row[["pitch", "heading"]].astype(float), np.radians([-20.0, 90.0]))
+    assert row[["temperature", "latitude", "longitude"]].tolist() == [20.0, 18.0, 112.0]
+    np.testing.assert_allclose(row[["buoyancy_volume", "propeller_speed"]].astype(float), [1e-4, 5.0])
+
+
+def test_a_degree_sign_before_a_letter_is_no_chinese(make: Callable[..., Mission]) -> None:
+    text = f"time,T (°C),pitch (°),Größe,Länge über alles\n{START},20,10,1,1\n"
+    (stream,) = table.read(make({"a.csv": text.encode("latin-1")})).streams
+    assert stream["temperature"].tolist() == [20.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "spelt", "unit"),
+    [
+        ("temperature", "ITS-90, deg C", "degc"),
+        ("temperature", "℃", "degc"),
+        ("conductivity", "mmho/cm", "ms/cm"),
+        ("conductivity", "S.m-1", "s/m"),
+        ("conductivity", "Siemens/m", "s/m"),
+        ("latitude", "ddmm.mmmm", "ddmm"),
+        ("longitude", "deg E", "deg"),
+        ("propeller_speed", "1/min", "rpm"),
+        ("speed_through_water", "mm/s", "mm/s"),
+        ("pressure", "dbars", "dbar"),
+    ],
+)
+def test_units_people_write_are_understood(name: str, spelt: str, unit: str) -> None:
+    assert units.spelling(spelt) == unit
+    assert units.known(name, spelt)
 
 
 def test_depth_serves_where_the_column_of_pressure_is_empty(make: Callable[..., Mission]) -> None:
@@ -519,8 +572,27 @@ def test_an_unknown_unit_in_a_header_costs_that_column(make: Callable[..., Missi
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        ("", "a.csv: found no table; expected a header line and records; file left out"),
-        (b"\x00\x01\x02", "a.csv: found no table; expected a header line and records; file left out"),
+        ("", "a.csv: found an empty file; expected a header line and records; file left out; copy it again"),
+        (
+            b"\x00\x01\x02",
+            "a.csv: found no text; expected a header line and records; file left out; write it as CSV",
+        ),
+        (
+            b"\x1f\x8bgarbage" * 9,
+            "a.csv: found a file that cannot be read (Unknown compression method); "
+            "expected a header line and records; file left out; copy it again",
+        ),
+        (
+            f"{START},0.1\n",
+            "a.csv: found numbers without a header; expected a header line and records; "
+            "file left out; add a first line that names the columns",
+        ),
+        ("# a\n# b\n", "a.csv: found nothing but comments; expected a header line and records; file left out"),
+        (
+            "deployed at noon\nall well here\n",
+            "a.csv: found nothing that is known among the columns 'deployed', 'at', 'noon'; expected a time and "
+            "measurements; file left out; if it is a log, name its columns under files: a.csv: in mission.yaml",
+        ),
         ("time,pitch\n", "a.csv: found a header and no records; expected records; file left out"),
         (
             "clock,pitch\n1,2\n",
@@ -580,6 +652,28 @@ def test_separator_decimal_mark_comments_and_unit_lines_are_found_out(make: Call
 def test_a_decimal_comma_is_seen_below_a_first_record_of_whole_numbers(make: Callable[..., Mission]) -> None:
     text = f"time;P\n{START:.0f};0\n{START + 1:.0f};0,25\n{START + 2:.0f};-12,5\n"
     assert table.read(make({"a.csv": text})).streams[0]["pressure"].tolist() == [0.0, 0.25, -12.5]
+
+
+def test_numbers_in_each_others_countries_writing_are_read_and_told(make: Callable[..., Mission]) -> None:
+    text = (
+        "time;P (mbar);T (°C);C\n"
+        f'{START:,.1f};12.5;"10,25";3.5\n{START + 1:,.1f};1,074.7;"9,5";3.6\n{START + 2:,.1f};"10 500";"n/a";3.7\n'
+    )
+    logs = table.read(make({"a.csv": text}))
+    (stream,) = logs.streams
+    assert stream["time"].tolist() == [START, START + 1, START + 2]
+    np.testing.assert_allclose(stream["pressure"], [0.125, 10.747, 105.0])
+    np.testing.assert_array_equal(stream["temperature"], [10.25, 9.5, np.nan])
+    assert [str(finding) for finding in logs.findings[:3]] == [
+        "a.csv: column 'time': found thousands set apart, first '1,466,553,600.0'",
+        "a.csv: column 'P (mbar)': found thousands set apart, first '1,074.7'",
+        "a.csv: column 'T (°C)': found a decimal comma",
+    ]
+
+
+def test_times_with_a_decimal_comma_are_numbers(make: Callable[..., Mission]) -> None:
+    text = f"time;P\n{START:.0f},0;5,5\n{START + 1:.0f},25;6,5\n"
+    assert table.read(make({"a.csv": text})).streams[0]["time"].tolist() == [START, START + 1.25]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -648,7 +742,10 @@ def test_gzip_is_seen_through_and_a_truncated_one_gives_what_it_holds(make: Call
     assert len(whole.streams[0]) == 5000
     part = table.read(make({"a.csv.gz": packed[: len(packed) // 2]}))
     assert 1000 < len(part.streams[0]) < 4000
-    assert part.findings[0].found.startswith("an end of the file before its time")
+    assert part.findings[0].found.startswith("a file cut short (")
+    assert part.findings[0].remedy == f"its first {len(part.streams[0])} records are used; copy it again"
+    begun = table.read(make({"a.csv.gz": packed[:2000]}))
+    assert 10 < len(begun.streams[0]) < 1000
 
 
 def test_parquet_is_read_with_its_own_units_and_zones(make: Callable[..., Mission], tmp_path: Path) -> None:
@@ -810,3 +907,152 @@ def test_the_hour_that_comes_twice_in_autumn_is_told_by_the_order_of_the_records
 def test_seconds_may_have_a_decimal_comma() -> None:
     found = times.textual(pd.Series(["2015-10-25T02:30:00,250Z"], dtype="object"), None, "UTC", "f.csv", "t")
     assert found.tolist() == [pd.Timestamp("2015-10-25T02:30:00.25", tz="UTC").timestamp()]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Wed Jun 22 00:00:01 2016", "Jun 22, 2016 00:00:01", "22 June 2016 00:00:01", "20160622T000001", "20160622000001"],
+)
+def test_a_date_that_names_its_month_or_runs_together_is_read(make: Callable[..., Mission], text: str) -> None:
+    (stream,) = table.read(make({"a.csv": f'time,P\n"{text}",1\n'})).streams
+    assert stream["time"].tolist() == [START + 1]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "year,month,day,hour,minute,second,P\n2016,6,22,0,0,1.5,1\n",
+        "YYYY;MON;DD;HH;MN;SS;P\n16;06;22;00;00;01.5;1\n",
+        "date_year,date_month,date_day,time_hour,P\n2016,6,22,0.00041666666666666664,1\n",
+    ],
+)
+def test_a_date_in_columns_of_its_parts_is_time(make: Callable[..., Mission], rows: str) -> None:
+    logs = table.read(make({"a.csv": rows}))
+    np.testing.assert_allclose(logs.streams[0]["time"], [START + 1.5])
+    assert " are time, 'P' is pressure" in str(logs.findings[-1])
+
+
+def test_parts_of_a_date_that_are_none_cost_their_record(make: Callable[..., Mission]) -> None:
+    rows = "year,month,day,hour,P\n2016,13,22,0,1\n,6,22,0,1\n2016,6,22,,1\n2016,6,22,0,1\n"
+    (stream,) = table.read(make({"a.csv": rows})).streams
+    np.testing.assert_array_equal(stream["time"], [np.nan, np.nan, np.nan, START])
+
+
+@pytest.mark.parametrize(
+    ("number", "unit", "local"),
+    [
+        (20160622080000.0, None, True),
+        (736503.0 + 8 / 24, "datenum", True),
+        (42543.0 + 8 / 24, "days since 1899-12-30", True),
+        (START, "s", False),
+        (42543.0, "days since 1899-12-30T00:00:00Z", False),
+    ],
+)
+def test_the_zone_of_a_file_is_that_of_days_and_dates_and_not_of_seconds_since_1970(
+    number: float, unit: str | None, local: bool
+) -> None:
+    told = times.numeric(np.array([number, np.nan]), unit, "a.csv", "time", "Asia/Shanghai")
+    np.testing.assert_allclose(told, [START, np.nan], atol=1e-4)
+    in_utc = times.numeric(np.array([number]), unit, "a.csv", "time")
+    assert in_utc[0] - told[0] == pytest.approx(8 * 3600.0 if local else 0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (42543.0, "'days since 1899-12-30' if 42543 is a date of Excel (2016-06-22 00:00)"),
+        (57561.0, "'days since 1858-11-17' if 57561 is a Modified Julian Day (2016-06-22 00:00)"),
+        (24279.0, "'days since 1950-01-01' if 24279 is days of Argo and EGO (2016-06-22 00:00)"),
+    ],
+)
+def test_days_of_a_calendar_come_with_the_unit_to_give(number: float, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        times.numeric(np.array([number]), None, "a.csv", "time")
+    assert str(caught.value).endswith(f"in mission.yaml; {words}")
+    unit = words.split("'")[1]
+    assert times.numeric(np.array([number]), unit, "a.csv", "time").tolist() == [START]
+
+
+def test_a_block_of_nul_bytes_costs_its_line(make: Callable[..., Mission]) -> None:
+    rows = [f"{START + k},{0.01 * k}\n" for k in range(40)]
+    text = "time,pitch (rad)\n" + "".join(rows[:20]) + "\0" * 300 + "\n" + "".join(rows[20:]) + "\0" * 100
+    (stream,) = table.read(make({"a.csv": text})).streams
+    np.testing.assert_allclose(stream["pitch"], 0.01 * np.arange(40))
+
+
+@pytest.mark.parametrize("at", [30, 4000])
+@pytest.mark.parametrize("mark", ["", '"'])
+def test_a_stray_quotation_mark_costs_its_line(make: Callable[..., Mission], at: int, mark: str) -> None:
+    rows = [f"{mark}{START + k}{mark},{0.01 * k}\n" for k in range(5000)]
+    rows[at] = '"' + rows[at]
+    logs = table.read(make({"a.csv": "time,pitch (rad)\n" + "".join(rows)}))
+    assert len(logs.streams[0].dropna()) == 4999
+    assert any(finding.severity == "warning" for finding in logs.findings)
+
+
+@pytest.mark.parametrize("header", ["time,Pitch,Roll", "time,pitch (deg),Roll", "time,heading,Roll"])
+def test_a_small_roll_has_the_unit_of_the_other_angles(make: Callable[..., Mission], header: str) -> None:
+    rows = "".join(f"{START + k},{20.0 + k},{0.1 * k}\n" for k in range(10))
+    (stream,) = table.read(make({"a.csv": f"{header}\n{rows}"})).streams
+    np.testing.assert_allclose(stream["roll"], np.radians(0.1 * np.arange(10)))
+
+
+def test_small_angles_all_of_them_are_radians(make: Callable[..., Mission]) -> None:
+    rows = "".join(f"{START + k},{0.4 - 0.1 * k},{0.1 * k}\n" for k in range(10))
+    (stream,) = table.read(make({"a.csv": f"time,Pitch,Roll\n{rows}"})).streams
+    np.testing.assert_allclose(stream["roll"], 0.1 * np.arange(10))
+
+
+def test_a_zone_by_its_letters_comes_with_the_line_that_reads_it(make: Callable[..., Mission]) -> None:
+    rows = "time,P\n2016-06-21 20:00:01 EDT,1\n"
+    (finding,) = [finding for finding in table.read(make({"a.csv": rows})).findings if "no time" in finding.found]
+    line = "files: {a.csv: {time: {column: time, unit: '%Y-%m-%d %H:%M:%S EDT'}, timezone: America/New_York}}"
+    assert finding.remedy.endswith(f"{line} in mission.yaml says which")
+    assert table.read(make({"a.csv": rows}, f"{line}\n")).streams[0]["time"].tolist() == [START + 1]
+
+
+@pytest.mark.parametrize(
+    ("header", "hours"),
+    [
+        ("Time (UTC+8)", 8),
+        ("Time [UTC-03:00]", -3),
+        ("北京时间", 8),
+        ("Time (GMT)", 0),
+        ("Time (UTC+0)", 0),
+        ("time", 0),
+    ],
+)
+def test_the_zone_in_the_header_of_the_times_is_theirs(make: Callable[..., Mission], header: str, hours: int) -> None:
+    logs = table.read(make({"a.csv": f"{header},P\n2016-06-22 00:00:00,1\n"}))
+    assert logs.streams[0]["time"].tolist() == [START - 3600.0 * hours]
+    assert any("times in UTC" in finding.found for finding in logs.findings) == ("+" in header or hours != 0)
+    yaml = f"files: {{a.csv: {{time: {{column: '{header}'}}, timezone: Asia/Tokyo}}}}\n"
+    assert table.read(make({}, yaml)).streams[0]["time"].tolist() == [START - 3600.0 * 9]
+
+
+@pytest.mark.parametrize("zone", ["EST", "MST", "local", "UTC+5:30"])
+def test_a_zone_in_the_header_that_cannot_be_told_is_told(make: Callable[..., Mission], zone: str) -> None:
+    logs = table.read(make({"a.csv": f"Time ({zone}),P\n2016-06-22 00:00:00,1\n"}))
+    assert logs.streams[0]["time"].tolist() == [START]
+    assert str(logs.findings[0]) == (
+        f"a.csv: column 'Time ({zone})': found times in '{zone}'; expected UTC, or UTC and whole hours; "
+        "read as UTC; name the zone: files: {a.csv: {timezone: Asia/Kolkata}} in mission.yaml"
+    )
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "UTC", "sec", "Z", "timestamp"])
+def test_a_unit_of_time_is_no_zone(make: Callable[..., Mission], unit: str) -> None:
+    number = START * 1000 if unit == "ms" else START
+    text = "2016-06-22T00:00:00" if unit in ("UTC", "Z") else f"{number:.0f}"
+    logs = table.read(make({"a.csv": f"time ({unit}),P\n{text},1\n"}))
+    assert logs.streams[0]["time"].tolist() == [START]
+    assert not any("times in" in finding.found for finding in logs.findings)
+
+
+def test_bytes_of_no_encoding_cost_their_field(make: Callable[..., Mission]) -> None:
+    rows = [f"{START + k},{0.01 * k},\u4e2d\u6587\n".encode("gb18030") for k in range(5000)]
+    rows[4500] = f"{START + 4500},\n".encode()[:-1] + b"\xb8\x20\xff,\xce\n"
+    (stream,) = table.read(
+        make({"a.csv": "time,pitch (rad),\u5907\u6ce8\n".encode("gb18030") + b"".join(rows)})
+    ).streams
+    assert stream["pitch"].notna().sum() == 4999
