@@ -110,7 +110,7 @@ def about(name: str, data: Path, raw: Path) -> bool:
         print(f"    {method} estimate: {said(close(passages, through))}")
     given = Given(
         settings=made.report["settings"],
-        ballast_std=mission.ballast.std,
+        ballast_std=made.report["ballast"]["std"],
         pitch_std=math.radians(mission.pitch.std_deg),
     )
     problem, reason = solvable(made.blocks, real.vehicle, given)

@@ -128,7 +128,7 @@ def beside_gliderflight(data: Path, raw: Path) -> list[bool]:
         raise ValueError("comet: no mass")
     prepared = preparation.prepare([real.records], real.vehicle, real.mission, ballast)
     blocks = pd.concat([found.blocks for found in stage.solved([real.records], prepared)], ignore_index=True)
-    made, reason = solvable(blocks, real.vehicle, Given(ballast_std=real.mission.ballast.std))
+    made, reason = solvable(blocks, real.vehicle, Given(ballast_std=body.std))
     if reason:
         raise ValueError(reason)
     problem = made.freeing(FREE)

@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.truth import DEPTHS, Real, asked, in_words, lay_out, score_comet, score_sg171
 from pipeline import mission as missions
-from pipeline.estimate import force, part, preparation, smoother
+from pipeline.estimate import flown, force, part, preparation, smoother
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.forcing import forcing
@@ -170,7 +170,7 @@ def predicted(records: pd.DataFrame, prepared: Prepared, *, start: float = START
         raise NoForceModelError(reason)
     blind = replace(series, depth=np.full(series.time.size, np.nan))
     along = force.path(blind, np.full(series.time.size, start), series.pitch_guess)
-    flight = force.solve(blind, inputs, prepared.adjusted, along, speed=False, solver=smoother.solve).flight
+    flight = flown.solve(blind, inputs, prepared.adjusted, along, speed=False, solver=smoother.solve).flight
     return pd.DataFrame(
         {
             "time": records["time"],

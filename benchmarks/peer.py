@@ -49,10 +49,10 @@ class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
         sine, cosine = math.sin(gamma), math.cos(gamma)
         slowing = 0.0 if math.isnan(met) or surfaced else met * dt / v
         turned = 0.0
-        if surfaced:
-            drift = s.speed_drift_surface
+        if surfaced or (quick and series.loose[k]):
+            drift = s.speed_drift_loose
         elif quick:
-            drift = s.speed_drift_gentle if series.gentle[k] else s.speed_drift_manoeuvre
+            drift = s.speed_drift_manoeuvre + s.speed_turn * series.turning[k]
         elif math.isnan(met):
             drift = s.speed_drift_blind
         else:

@@ -408,9 +408,10 @@ def scored(
     """
     given = planned.given(settings)
     ranked, fitted = rank(blocks, planned.craft, given), fit(blocks, planned.craft, given)
-    tested = [row for row in ranked["rows"] if math.isfinite(row["ratio"])]
+    tested = ranked["rows"]
     untold = {*ranked["named"], *ranked["hidden"], *ranked["hinted"]}
-    untold |= {row["name"] for row in ranked["rows"] if row not in tested or abs(planned.change) < row["seen_from"]}
+    untold |= {row["name"] for row in tested if abs(planned.change) < row["seen_from"]}
+    untold |= {name for row in ranked["untested"] for name in row["names"]}
     inside = []
     if planned.cause in (NOTHING, "sensor drag", "buoyancy error") and not fitted["reason"]:
         inside += [_holds(x["interval_95"], offsets.get(x["name"], 0.0)) for x in fitted["parameters"]]

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.estimate.blocks import NO_ENGINE
+from pipeline.estimate.compatibility import Entry, quantity, speed_scale
 from pipeline.estimate.consistency import report as consistency
 from pipeline.estimate.legs import flown
 from pipeline.estimate.part import Part
 from pipeline.estimate.preparation import Prepared
+from pipeline.estimate.sensors import Scale
+from pipeline.estimate.together import together
 from pipeline.findings import Finding
 
 
@@ -48,14 +51,18 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         "used": {"speed_sensor": model.sources.speed, "fixes": model.sources.fixes, "pitch_rate": turned},
         "compatibility": {
             "clock_offset": prepared.clocks,
-            **(parts[0].compatibility if len(parts) == 1 else _joined(parts)),
+            **_joined(parts),
         },
     }
     report["speed_scale"] = {
-        name: _best([part.speed_scale[name] for part in parts if name in part.speed_scale])
+        name: _scale(
+            [part.scales[name] for part in parts if name in part.scales], prepared.mission.speed_sensor_scale_std
+        )
         for name in ("kinematic", "force")
-        if any(name in part.speed_scale for part in parts)
+        if any(name in part.scales for part in parts)
     }
+    body = prepared.body
+    report["ballast"] = None if body is None else {"mass": body.mass, "volume": body.volume, "std": body.std}
     report["force"] = {"reason": prepared.reason}
     if adjusted is not None:
         seen, size = _sum(parts, "force")
@@ -88,9 +95,9 @@ def _reasons(parts: Sequence[Part], method: str) -> dict[str, int]:
 
 
 def _joined(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the compatibility of the part that determines each quantity best; outliers are summed."""
-    result = dict(parts[0].compatibility)
-    for name in result:
+    """Return what the parts say of each quantity together; outliers are summed."""
+    result = {}
+    for name in parts[0].compatibility:
         entries = [part.compatibility[name] for part in parts]
         if name == "outliers":
             total = {key: dict(value) for key, value in entries[0]["instruments"].items()}
@@ -101,14 +108,34 @@ def _joined(parts: Sequence[Part]) -> dict[str, Any]:
             count = sum(entry["value"] or 0 for entry in entries)
             result[name] = {**entries[0], "value": count, "instruments": total}
         else:
-            result[name] = _best(entries)
+            result[name] = _whole(entries)
     return result
 
 
-def _best(entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the entry with the smallest 1-sigma; the first if none has one."""
-    known = [entry for entry in entries if entry["value"] is not None and entry["std"]]
-    return min(known, key=lambda entry: entry["std"]) if known else entries[0]
+def _whole(entries: Sequence[Entry]) -> Entry:
+    """Return what the entries of the parts for one quantity come to, with ``parts``; the one of a mission in one."""
+    whole = together([(entry["value"], entry["std"]) if _known(entry) else None for entry in entries])
+    if whole is None or len(entries) == 1:
+        return entries[0]
+    best = min(filter(_known, entries), key=lambda entry: float(entry["std"]))
+    entry = quantity(best["unit"], whole.value, whole.std, nominal=best["nominal"])
+    applied = sum(entry["applied"] for entry in entries)
+    entry["significant"] |= applied > 0
+    if applied:
+        entry["reason"] = f"each part by itself, applied in {applied} of {len(entries)}"
+    return entry | {"applied": applied > 0, "parts": whole.account}
+
+
+def _known(entry: Entry) -> bool:
+    return entry["value"] is not None and bool(entry["std"])
+
+
+def _scale(found: Sequence[Scale | None], before: float) -> Entry:
+    """Return the report on the scale error of a speed sensor by all parts; `before` is its 1-sigma before them."""
+    whole = together(found)
+    if whole is None or len(found) == 1:
+        return speed_scale(found[0], before)
+    return speed_scale(Scale(whole.value, whole.std), before) | {"parts": whole.account}
 
 
 def nothing() -> dict[str, Any]:
@@ -124,5 +151,6 @@ def nothing() -> dict[str, Any]:
         "used": {"speed_sensor": False, "fixes": False, "pitch_rate": False},
         "compatibility": {},
         "speed_scale": {},
+        "ballast": None,
         "force": {"reason": "no records"},
     }

@@ -158,11 +158,13 @@ def adjust(
             break
     if noise is None:
         noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed, each=each)
-    matrix, gradient = _with_prior(_equations(stretches, craft, noise.settings, paths, speed=speed, each=each), craft)
+    normal = _equations(stretches, craft, noise.settings, paths, speed=speed, each=each)
+    touched = np.diag(normal.matrix) > 0.0
+    matrix, gradient = _with_prior(normal, craft)
     weights = _as_weighted(noise.settings) if search else noise.settings
     weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed, each=each), craft)
     columns = np.column_stack([_root(weighted, free), _step(matrix, gradient, free)]) * craft.std[:, None]
-    return Adjusted(craft, noise, columns, _report(craft, columns, free, converged))
+    return Adjusted(craft, noise, columns, _report(craft, columns, free, touched, converged))
 
 
 def _as_weighted(settings: Settings) -> Settings:
@@ -178,7 +180,9 @@ def _as_weighted(settings: Settings) -> Settings:
 def unadjusted(found: Adjusted) -> Adjusted:
     """Return `found` with every parameter as it was before the mission, and as uncertain; its noise levels stay."""
     craft = found.craft._replace(value=found.craft.centre.copy())
-    return found._replace(craft=craft, columns=np.diag(craft.std), report={"parameters": {}, "converged": True})
+    return found._replace(
+        craft=craft, columns=np.diag(craft.std), report={"parameters": {}, "untouched": [], "converged": True}
+    )
 
 
 def _equations(
@@ -294,15 +298,20 @@ def _in_seconds(folds: float, std: float) -> tuple[float, float]:
     return time, time * std
 
 
-def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool) -> dict[str, Any]:
+def _report(
+    craft: Craft, columns: np.ndarray, free: np.ndarray, touched: np.ndarray, converged: bool
+) -> dict[str, Any]:
     """Return every parameter with value, 1-sigma before and after, and whether the data determine it.
 
-    With them goes the correlation of the adjusted, what the considered leave open included.
+    Of those that no measurement depends on at the values found, as thrust where the propeller never turns, nothing is
+    found, and they are named apart. With the others goes the correlation of the adjusted, what the considered leave
+    open included.
     """
+    free = free & touched
     after = np.sqrt(np.sum(columns**2, axis=1))
     table = {}
     for i, name in enumerate(PARAMETERS):
-        if craft.std[i] <= 0.0:
+        if craft.std[i] <= 0.0 or not touched[i]:
             continue
         departure = abs(craft.value[i] - craft.centre[i]) / craft.std[i]
         if not free[i]:
@@ -328,4 +337,5 @@ def _report(craft: Craft, columns: np.ndarray, free: np.ndarray, converged: bool
         "names": [name for name, adjusted in zip(PARAMETERS, free, strict=True) if adjusted],
         "matrix": np.clip(rows @ rows.T, -1.0, 1.0).tolist(),
     }
-    return {"parameters": table, "correlation": correlation, "converged": converged}
+    untouched = [name for name, std, at in zip(PARAMETERS, craft.std, touched, strict=True) if std > 0.0 and not at]
+    return {"parameters": table, "untouched": untouched, "correlation": correlation, "converged": converged}

@@ -107,7 +107,7 @@ def reconcile(records: pd.DataFrame, series: Series, vehicle: Vehicle, mission: 
         records = records.assign(**flags)
         series = from_records(records)
     _leaps(series, findings)
-    report["pressure_lag"] = _entry(
+    report["pressure_lag"] = quantity(
         "s", reason="with one pressure sensor a lag cannot be told from the offset between the clocks: see clock_offset"
     )
     report["pressure_offset"], shift = _pressure_offset(records, series, findings)
@@ -129,15 +129,15 @@ def speed_scale(found: Scale | None, before: float) -> Entry:
     what was known before, say what it is.
     """
     if found is None:
-        return _entry("1", reason="the speed sensor reported nothing") | {"determined": False}
-    entry = _entry("1", found.value, found.std)
+        return quantity("1", reason="the speed sensor reported nothing") | {"determined": False}
+    entry = quantity("1", found.value, found.std)
     determined = found.std < DETERMINED * before
     told = f"1-sigma {100.0 * before:.2g} % before the mission, {100.0 * found.std:.2g} % now"
     reason = told if determined else f"not determined by these data: {told}"
     return entry | {"applied": True, "reason": reason, "determined": determined}
 
 
-def _entry(
+def quantity(
     unit: str, value: float | None = None, std: float | None = None, *, nominal: float = 0.0, reason: str = ""
 ) -> Entry:
     """Return the report on one quantity, not applied; `nominal` is its value when nothing is wrong."""
@@ -148,6 +148,7 @@ def _entry(
         "value": value,
         "std": std,
         "unit": unit,
+        "nominal": nominal,
         "significant": significant,
         "applied": False,
         "reason": reason if reason or significant else f"within {SIGNIFICANT:g} standard deviations of none",
@@ -211,6 +212,7 @@ def _listed(series: Series, spikes: dict[str, np.ndarray], findings: list[Findin
         "value": count,
         "std": None,
         "unit": "1",
+        "nominal": 0.0,
         "significant": count > 0,
         "applied": count > 0,
         "reason": "measurements that go out and come back at once, or cannot be" if count else "none found",
@@ -255,7 +257,7 @@ def clock_offset(stretches: Sequence[Series], mission: Mission) -> tuple[Entry, 
     )
     depth, pitch = np.isfinite(value), np.isfinite(angle)
     found = lag(time[depth], value[depth], driven[depth], time[pitch], angle[pitch])
-    entry = _entry("s", found.value, found.std, reason=found.reason)
+    entry = quantity("s", found.value, found.std, reason=found.reason)
     entry["windows"] = found.windows
     if pitch.any() and float(np.mean(depth[pitch])) > SHARED:
         shared = "pitch and pressure are in the same records: an offset would be a sensor's delay, not a clock's"
@@ -293,7 +295,7 @@ def _pressure_offset(records: pd.DataFrame, series: Series, findings: list[Findi
     if not near.any():
         near = series.surfaced[read]
     if near.sum() < 3:
-        return _entry("dbar", reason="pressure was not read at the surface"), 0.0
+        return quantity("dbar", reason="pressure was not read at the surface"), 0.0
     number = np.cumsum(np.diff(time[near], prepend=-np.inf) > APART)
     each = pd.Series(pressure[near]).groupby(number).median().to_numpy()
     spread = each if each.size > 2 else pressure[near]
@@ -302,7 +304,7 @@ def _pressure_offset(records: pd.DataFrame, series: Series, findings: list[Findi
     tilt = math.sin(abs(float(np.median(tilted)))) if tilted.size else 0.5
     value = float(np.median(each)) - AFLOAT[0] - STANDING[0] * tilt
     std = math.hypot(scatter, AFLOAT[1], STANDING[1] * tilt)
-    entry = _entry("dbar", value, std)
+    entry = quantity("dbar", value, std)
     entry["surfacings"] = int(each.size)
     if not entry["significant"]:
         return entry, 0.0
@@ -320,18 +322,18 @@ def _attitude(
     none = (0.0, 1.0)
     if mission.speed_sensor != "use" or not np.isfinite(series.speed).any():
         reason = "needs a speed sensor that may be used: depth and pitch alone do not tell it from water motion"
-        return _entry("rad", reason=reason), _entry("1", reason=reason), none
+        return quantity("rad", reason=reason), quantity("1", reason=reason), none
     if mission.speed_sensor_scale_std > SCALE:
         reason = f"the scale of the speed sensor itself is not known to {100.0 * SCALE:g} %"
-        return _entry("rad", reason=reason), _entry("1", reason=reason), none
+        return quantity("rad", reason=reason), quantity("1", reason=reason), none
     fit = attitude(series, vehicle)
     if fit.reason:
-        return _entry("rad", reason=fit.reason), _entry("1", reason=fit.reason), none
+        return quantity("rad", reason=fit.reason), quantity("1", reason=fit.reason), none
     C = fit.covariance
-    bias = _entry("rad", fit.bias, math.sqrt(C[0, 0]))
-    scale = _entry("1", fit.scale, math.sqrt(C[1, 1]), nominal=1.0)
+    bias = quantity("rad", fit.bias, math.sqrt(C[0, 0]))
+    scale = quantity("1", fit.scale, math.sqrt(C[1, 1]), nominal=1.0)
     if not fit.told_apart:
-        scale = _entry("1", reason="pitch differs too little between the blocks to tell a scale from a bias")
+        scale = quantity("1", reason="pitch differs too little between the blocks to tell a scale from a bias")
     line = [fit.bias, fit.scale]
     if not scale["significant"]:
         line = [fit.bias - C[0, 1] / C[1, 1] * (fit.scale - 1.0), 1.0]

@@ -81,6 +81,8 @@ class Course(NamedTuple):
     stratification: np.ndarray
     powered: np.ndarray
     manoeuvre: np.ndarray
+    turning: np.ndarray
+    loose: np.ndarray
     gentle: np.ndarray
     surfaced: np.ndarray
     cruising: np.ndarray
@@ -235,10 +237,10 @@ def _fill(
         rate = -v * sine
         z_v, z_t, z_s = -sine - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
         turned = 0.0
-        if surfaced:
-            q_v = s.speed_drift_surface
+        if surfaced or (quick and course.loose[k]):
+            q_v = s.speed_drift_loose
         elif quick:
-            q_v = s.speed_drift_gentle if gentle else s.speed_drift_manoeuvre
+            q_v = s.speed_drift_manoeuvre + s.speed_turn * course.turning[k]
         elif math.isnan(met):
             q_v = s.speed_drift_blind * s.unsteadiness
         else:
@@ -308,7 +310,7 @@ def _fill(
             if n > CRUISE:
                 q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
             if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
-                q[SPEED] = s.speed_drift_manoeuvre * dt
+                q[SPEED] = s.speed_drift_loose * dt
         if not powered and not surfaced:
             for i in range(c):
                 b[0, 2 + i] = v * cosine * changes[k, i] * dt

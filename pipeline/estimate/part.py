@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate import force, kinematic
+from pipeline.estimate import flown, force, kinematic
 from pipeline.estimate.blocks import means
-from pipeline.estimate.compatibility import reconcile, speed_scale
+from pipeline.estimate.compatibility import reconcile
 from pipeline.estimate.consistency import Tally, tally
 from pipeline.estimate.forcing import forcing
 from pipeline.estimate.legs import Leg, legs
@@ -36,7 +36,7 @@ class Part(NamedTuple):
     shares: np.ndarray  # (c,): sums of the shares of the variance of V that the borrowed leave open
     legs: list[Leg]
     compatibility: dict[str, Any]
-    speed_scale: dict[str, Any]  # of a speed sensor that is used, by method; empty if none is
+    scales: dict[str, Scale | None]  # of a speed sensor that is used, by method; empty if none is
     findings: list[Finding]
 
 
@@ -65,7 +65,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
         inputs, missing = forcing(records, prepared.vehicle, mission, prepared.body)
         if inputs is not None:
             start = force.path(found.series, found.flight.state[0], found.flight.state[1])
-            by_force = force.solve(
+            by_force = flown.solve(
                 found.series, inputs, prepared.adjusted, start, speed=model.sources.speed, solver=model.solve
             )
             flights.append(("force", by_force.flight, by_force.problem, by_force.solution, False))
@@ -105,9 +105,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
         shares,
         located,
         compatible.report,
-        {name: speed_scale(scale, mission.speed_sensor_scale_std) for name, scale in scales.items()}
-        if model.sources.speed and mission.speed_sensor_scale_std
-        else {},
+        scales if model.sources.speed and mission.speed_sensor_scale_std else {},
         [*compatible.findings, *_left_out(series, found.outlying)],
     )
 

@@ -28,6 +28,8 @@ BEFORE, AFTER, AFTER_POWERED = 15.0, 45.0, 25.0
 AFLOAT = 1.0
 #: A slow turn shows over this time (s), where it is more than this many 1-sigma of what noise makes of it.
 SWING, SURE = 30.0, 3.0
+#: Pitch turning (rad/s), or the engine at work (share of its stroke per s, m3/s), faster than this is a manoeuvre.
+TURNED, PUMPED, LEAKED = np.radians(0.3), 2e-3, 3e-7
 #: Farther than this many sampling intervals from a sample of pitch there is a gap.
 GAP = 2.5
 #: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
@@ -53,6 +55,8 @@ class Series:
     stratification: np.ndarray  # kg/m3/s, |rate of potential density| met; NaN where density is not known
     powered: np.ndarray  # bool
     manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
+    turning: np.ndarray  # rad/s, |rate of pitch|
+    loose: np.ndarray  # bool: the engine at work or not logged, the propeller switched, surface or a pause just there
     gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
     afloat: np.ndarray  # bool: at the surface, or breaking it
@@ -102,8 +106,15 @@ def from_records(records: pd.DataFrame) -> Series:
     driven = powered(records)
     surfaced = phase == Phase.SURFACING
     leaping = leaps(time, depth)
-    manoeuvre = _manoeuvre(time, pitch_guess, rate, phase, records, driven) | near(time, leaping, BEFORE, AFTER)
-    gentle = driven & ~near(time, np.diff(driven, prepend=False), AFTER, AFTER)
+    turning, pumping = np.abs(_rate(time, pitch_guess, 12.0)), _pumping(time, records)
+    logged = bool(np.isfinite(records["buoyancy_volume"]).any())
+    switched = near(time, np.diff(driven, prepend=driven[:1]), AFTER, AFTER)
+    hidden = (rate * np.sin(pitch_guess) > BACKWARDS) | (np.diff(time, append=time[-1]) > PAUSE)
+    hidden |= phase == Phase.UNKNOWN
+    manoeuvre = _manoeuvre(time, (turning > TURNED) | pumping | hidden, phase, driven)
+    manoeuvre |= near(time, leaping, BEFORE, AFTER)
+    loose = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER) | near(time, surfaced, AFTER, AFTER)
+    gentle = driven & ~switched
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
         start=start,
@@ -121,6 +132,8 @@ def from_records(records: pd.DataFrame) -> Series:
         stratification=_stratification(time, records),
         powered=driven,
         manoeuvre=manoeuvre,
+        turning=turning,
+        loose=loose,
         gentle=gentle,
         surfaced=surfaced,
         afloat=surfaced | (depth_guess < AFLOAT),
@@ -172,25 +185,20 @@ def _swinging(time: np.ndarray, pitch: np.ndarray, guess: np.ndarray) -> np.ndar
     return np.asarray(np.where(near(time, ~sampled, 0.5 * SWING, 0.5 * SWING), 0.0, turning))
 
 
-def _manoeuvre(
-    time: np.ndarray,
-    pitch: np.ndarray,
-    rate: np.ndarray,
-    phase: np.ndarray,
-    records: pd.DataFrame,
-    driven: np.ndarray,
-) -> np.ndarray:
-    """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
-    turning: np.ndarray = np.abs(_rate(time, pitch, 12.0)) > np.radians(0.3)
+def _pumping(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
+    """Return where the buoyancy engine is at work, boolean of shape (m,)."""
     volume = records["buoyancy_volume"].to_numpy()
-    if np.isfinite(volume).sum() > 2:
-        span = np.nanmax(volume) - np.nanmin(volume)
-        turning |= np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(2e-3 * span, 3e-7)
-    turning |= np.diff(driven, prepend=driven[:1])
-    turning |= rate * np.sin(pitch) > BACKWARDS
-    turning |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
-    turning |= np.diff(time, append=time[-1]) > PAUSE
-    powered_margin, margin = near(time, turning, BEFORE, AFTER_POWERED), near(time, turning, BEFORE, AFTER)
+    if np.isfinite(volume).sum() <= 2:
+        return np.zeros(time.size, dtype=bool)
+    stroke = np.nanmax(volume) - np.nanmin(volume)
+    return np.asarray(np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(PUMPED * stroke, LEAKED))
+
+
+def _manoeuvre(time: np.ndarray, changing: np.ndarray, phase: np.ndarray, driven: np.ndarray) -> np.ndarray:
+    """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
+    changing = changing | np.diff(driven, prepend=driven[:1])
+    changing |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.SURFACING))
+    powered_margin, margin = near(time, changing, BEFORE, AFTER_POWERED), near(time, changing, BEFORE, AFTER)
     return np.asarray(np.where(driven, powered_margin, margin))
 
 

@@ -19,10 +19,10 @@ def test_the_report_tells_of_both(found: Estimated) -> None:
     report = found.report
     assert set(report) == {
         "observable_share", "reasons", "consistency", "coverage", "gps", "share_of_variance", "settings", "used",
-        "compatibility", "force", "speed_scale",
+        "compatibility", "force", "speed_scale", "ballast",
     }  # fmt: skip
     assert set(report["consistency"]) == set(METHODS)
-    known = {"reason", "parameters", "correlation", "converged", "observable_share", "reasons", "settings"}
+    known = {"reason", "parameters", "untouched", "correlation", "converged", "observable_share", "reasons", "settings"}
     assert set(report["force"]) == known
     assert report["force"]["reason"] == ""
     for method, told in (("kinematic", report), ("force", report["force"])):

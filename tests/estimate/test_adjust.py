@@ -113,18 +113,24 @@ def test_drag_is_known_to_a_few_percent_after_two_dives_and_buoyancy_better_than
 def test_what_is_only_considered_never_moves_and_keeps_its_spread(fleet: list[Member]) -> None:
     for case in fleet:
         craft, report = case.adjusted.craft, case.adjusted.report["parameters"]
+        untouched = case.adjusted.report["untouched"]
+        assert "thrust" in untouched  # the propeller stood still
+        assert ("flushing_time" in untouched) == (report["carried_water"]["value"] == 0.0)  # no water to be renewed
+        assert "thrust" not in {*report, *case.adjusted.report["correlation"]["names"]}
         for name in CONSIDERED:
             i = PARAMETERS.index(name)
             assert craft.value[i] == craft.centre[i]
             assert report[name]["std"] == pytest.approx(craft.std[i], rel=1e-12)
             assert report[name]["verdict"].startswith("considered")
-        assert craft.value[PARAMETERS.index("thrust")] == 0.0  # the propeller stood still
+        assert craft.value[PARAMETERS.index("thrust")] == 0.0
         assert craft.value[PARAMETERS.index("hull_time")] >= 0.0
         water = report["carried_water"]
         assert 0.0 <= water["value"] < 3.0 * water["std"]  # the simulated fairing carries none
         spread = np.sqrt(np.sum(case.adjusted.columns**2, axis=1))
         told = {name: entry["std"] for name, entry in report.items()}
-        told["flushing_time"] /= report["flushing_time"]["value"]  # in s there, as a logarithm here
+        if "flushing_time" in report:
+            told["flushing_time"] /= report["flushing_time"]["value"]  # in s there, as a logarithm here
+        told |= {name: craft.std[PARAMETERS.index(name)] for name in untouched}
         np.testing.assert_allclose(spread, [told.get(name, 0.0) for name in PARAMETERS], rtol=1e-12)
 
 
@@ -157,7 +163,9 @@ def test_thrust_is_found_where_the_propeller_turned() -> None:
     flown = dives.fly(
         3, injection=Injection(thrust_scale=1.12), dives=((30.0, 4.0, 250.0), (30.0, 4.0, 250.0)), power=900.0
     )
-    found = adjusted(flown).report["parameters"]["thrust"]
+    report = adjusted(flown).report
+    found = report["parameters"]["thrust"]
+    assert "thrust" not in report["untouched"]
     assert abs(found["value"] - 0.12) < 3.0 * found["std"]
     assert not found["verdict"].startswith("considered")
 

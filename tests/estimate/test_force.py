@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pipeline import vehicle
 from pipeline.estimate import force, reference, smoother
 from pipeline.estimate.craft import PARAMETERS, Adjusted, Craft
+from pipeline.estimate.flown import solve, unsettled
 from pipeline.estimate.force import DEPTH, LOAD, PITCH, SPEED, WATER, Path, follow, linearise
 from pipeline.estimate.forcing import Forcing, with_carried_water, with_thermal_lag
 from pipeline.estimate.problem import Problem
@@ -260,7 +261,7 @@ def test_alpha_follows_the_full_dynamics_through_a_pitch_step_because_of_the_pit
 def test_what_the_balance_leaves_of_alpha_while_it_settles_is_in_its_uncertainty(side: float) -> None:
     flight = stepped(side)
     left = np.abs(flight.slaved(flight.at) - flight.angle_of_attack)
-    std = force.unsettled(arrays.series(flight.time, flight.at.pitch), flight.at, STEADY)
+    std = unsettled(arrays.series(flight.time, flight.at.pitch), flight.at, STEADY)
     assert np.max(left) > 3.0 * STEADY.slip
     assert np.all(left < 1.96 * std)
     assert std[-1] == pytest.approx(STEADY.slip, rel=0.01)
@@ -383,8 +384,8 @@ def test_filterpy_solves_the_same_problem_to_1e9() -> None:
     at = force.path(flown, np.full(60, 0.45), pitch)
     columns = np.diag([0.005, 0.1, 0.2, 0.2, 0.1, 0.3, 0.0, 0.0, 0.05, 10.0, 0.2, 0.5])[:, [0, 1, 2, 5]]
     adjusted = Adjusted(craft, Noise(STEADY), columns, {})
-    ours, _, solution, _ = force.solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
-    theirs, _, other, _ = force.solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
+    ours, _, solution, _ = solve(flown, given, adjusted, at, speed=False, solver=smoother.solve)
+    theirs, _, other, _ = solve(flown, given, adjusted, at, speed=False, solver=reference.solve)
     np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(theirs.std, ours.std, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(other.covariance, solution.covariance, rtol=1e-8, atol=1e-10)

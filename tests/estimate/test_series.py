@@ -59,6 +59,33 @@ def test_a_slow_turn_of_pitch_steps_as_far_as_its_random_walk_and_noise_does_not
     assert np.mean(from_records(flight(pitch=noisy)).swinging > 0.0) < 0.02
 
 
+def test_pitch_turns_as_fast_as_it_was_turned() -> None:
+    time = np.arange(1200.0)
+    turned = -0.4 + 0.8 * np.clip((time - 600.0) / 40.0, 0.0, 1.0)
+    turning = from_records(flight(pitch=turned, depth=120.0 - 0.2 * np.abs(time - 600.0))).turning
+    np.testing.assert_allclose(turning[610:630], 0.8 / 40.0, rtol=1e-6)
+    np.testing.assert_allclose(turning[[500, 700]], 0.0, atol=1e-12)
+
+
+def test_speed_is_loose_where_the_engine_works_and_where_it_is_not_known_to_rest() -> None:
+    time = np.arange(1200.0)
+    assert from_records(flight()).loose.all()  # no engine is logged
+    stroke = 4e-4 * np.clip((time - 600.0) / 80.0, 0.0, 1.0)
+    working = from_records(flight(buoyancy_volume=stroke)).loose
+    assert working[605:675].all()
+    assert not working[20:590].any()
+    assert not working[700:].any()
+    at_rest = {"buoyancy_volume": np.full(1200, 4e-4)}
+    afloat = np.where(time < 100.0, int(Phase.SURFACING), int(Phase.DESCENT))
+    started = np.where(time > 600.0, 10.0, 0.0)
+    for found, begin in (
+        (from_records(flight(phase=afloat, **at_rest)).loose, 100),
+        (from_records(flight(propeller_speed=started, **at_rest)).loose, 601),
+    ):
+        assert found[begin + 10]
+        assert not found[begin + int(AFTER) + 5 :].any()
+
+
 def test_sinking_nose_up_is_a_manoeuvre() -> None:
     assert from_records(flight(pitch=0.4)).manoeuvre[100:-100].all()
 
