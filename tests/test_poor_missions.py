@@ -44,7 +44,7 @@ def write(folder: Path, *, vehicle: str = "petrel-ii", dives: int = 1, sway_deg:
 #: How each is written, and what its page says.
 POOR: dict[str, tuple[dict[str, Any], str]] = {
     "no-steady-block": ({"sway_deg": 12.0}, "the records hold no stretch of steady flight"),
-    "one-dive": ({}, "No correction is fitted: 2 steady block(s) for 2 corrections: at least 3 are needed"),
+    "one-dive": ({}, "No correction is fitted: 2 steady blocks for 2 corrections: at least 3 are needed"),
     "unknown-coefficients": ({"vehicle": "spray", "dives": 2}, "unknown"),
 }
 

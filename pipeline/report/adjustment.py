@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.report.rounding import amount
@@ -37,6 +37,8 @@ EXPERIMENTS = (
     (("thermal_expansion", "hull_time"), "dives through a sharper thermocline, with a stay below it"),
     (("carried_water", "flushing_time"), "dives through a sharper pycnocline, with a stay below it"),
 )
+#: Why nothing in a mission depends on a parameter.
+UNTOUCHED = {"thrust": "the propeller did not turn", "flushing_time": "none was found to be carried"}
 #: Noise levels: what each is, by which methods it is used, shown as factor · value ** power, unit shown.
 NOISE: dict[str, tuple[str, tuple[str, ...], float, float, str]] = {
     "sigma_w": ("vertical velocity of the water", ("kinematic", "force"), 100.0, 1.0, "cm/s"),
@@ -75,7 +77,10 @@ def adjustment(estimate: Mapping[str, Any], *, sensor_used: bool, depth: float) 
     total = sum(found["reasons"].values()) / max(1.0 - found["observable_share"], 1e-12)
     return {
         "reason": "",
-        "sentences": _sentences(rows, bool(found["converged"]), sensor_used=sensor_used, depth=depth),
+        "sentences": [
+            *_sentences(rows, bool(found["converged"]), sensor_used=sensor_used, depth=depth),
+            *_untouched(found["untouched"]),
+        ],
         "parameters": rows,
         "noise": _noise(estimate.get("settings") or {}, found["settings"]),
         "converged": bool(found["converged"]),
@@ -139,6 +144,13 @@ def _sentences(rows: list[dict[str, Any]], converged: bool, *, sensor_used: bool
         elif waiting:
             out.append(f"Not determined: {_listed(waiting)}. It would take {experiment.format(depth=reached)}.")
     return out
+
+
+def _untouched(names: Sequence[str]) -> list[str]:
+    """Return a sentence on the parameters that no measurement depends on, if there are some."""
+    meaning = {name: PARAMETERS[name][0].partition(",")[0] for name in names}
+    words = [f"{meaning[name]}{f' ({UNTOUCHED[name]})' if name in UNTOUCHED else ''}" for name in names]
+    return [f"Nothing that was logged depends on {_listed(words)}."] if words else []
 
 
 def _shown(row: Mapping[str, Any]) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.report.compare import EFFECTS, SHARED, floats
 from pipeline.report.covariance import Noise, water, water_of
-from pipeline.report.theil import split
+from pipeline.report.theil import split, unsplit
 
 Array = NDArray[np.float64]
 
@@ -31,16 +31,17 @@ def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.
     DataFrame
         One row per trim, quantity, direction and powered: ``blocks``, ``dives``, ``predicted``, ``predicted_std``,
         ``measured``, ``measured_std``, ``error``, ``u_val``, ``significance``, ``relative_error``, ``label``, ``why``,
-        and the shares of `theil.split`.
+        the shares of `theil.split`, and ``split_reason`` why there are none.
     """
     rows: list[dict[str, Any]] = []
     for _key, group in table.groupby(["trim", "quantity", "direction", "powered"], sort=True):
         weights = 1.0 / np.maximum(floats(group, "u_val"), 1e-12) ** 2
         row = combine(group, weights / weights.sum(), settings)
-        parts = split(floats(group, "predicted"), floats(group, "measured"), weights)
+        sides = floats(group, "predicted"), floats(group, "measured"), weights
+        parts, unsaid = split(*sides), unsplit(*sides)
         if (group["label"] == "circular").all():
             row["significance"] = math.nan
-            parts = dict.fromkeys(parts, math.nan)
+            parts, unsaid = dict.fromkeys(parts, math.nan), "circular: E says nothing"
         rows.append(
             {
                 **_key_of(group, "trim", "quantity", "direction", "powered"),
@@ -48,6 +49,7 @@ def means(table: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> pd.
                 "dives": int(group["dive"].nunique()),
                 **row,
                 **parts,
+                "split_reason": unsaid,
                 "label": group["label"].iloc[0],
                 "why": group["why"].iloc[0],
             }

@@ -131,6 +131,7 @@ def _row(name: str, found: Closure, through: ThroughWater, *, fixes_used: bool) 
         "turn_std_deg": math.degrees(found.turn_std),
         "spread_deg": math.degrees(found.spread),
         "condition_index": found.condition_index,
+        "assumed_percent": 100.0 * found.assumed,
         "passages": int(found.used.sum()),
         "current_change_m_s": found.current.strength,
         "current_time_h": found.current.lasting / 3600.0,

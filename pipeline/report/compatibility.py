@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.report.rounding import amount
+from pipeline.report.rounding import amount, counted, signed
 
 #: Quantities in the order of the page: what each is, factor from the unit reported, unit shown, digits.
 QUANTITIES: dict[str, tuple[str, float, str, int]] = {
@@ -78,8 +78,25 @@ def _quantity(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
         "significant": bool(entry["significant"]),
         "applied": bool(entry["applied"]),
         "verdict": verdict,
-        "reason": str(entry.get("reason") or ""),
+        "reason": "; ".join(
+            filter(None, (str(entry.get("reason") or ""), _parts(entry.get("parts"), factor, unit, digits)))
+        ),
     }
+
+
+def _parts(parts: Mapping[str, Any] | None, factor: float, unit: str, digits: int) -> str:
+    """Return what the parts of a mission that was estimated in parts say of a quantity; "" of one in one part."""
+    if parts is None:
+        return ""
+    if parts["known"] == 1:
+        return f"told by one of {parts['of']} parts"
+    low, high = (signed(factor * parts[end], digits) for end in ("lowest", "highest"))
+    size = unit if unit == "°" else f" {unit}".rstrip()
+    words = f"mean of {parts['known']} of {parts['of']} parts, each by itself, from {low} to {high}{size}"
+    if parts["agree"]:
+        return f"{words}, no farther apart than their 1σ say"
+    freedom = parts["known"] - 1
+    return f"{words}: farther apart than their 1σ say (χ² {parts['chi_square']:.1f} for {freedom}), so this is wider"
 
 
 def _outliers(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -98,7 +115,7 @@ def _sentence(found: Mapping[str, Any]) -> str:
     if not rows:
         return "Whether the instruments agree was not looked at: there are no records."
     words = [_words(row) for row in rows if row["significant"]]
-    words += [f"{row['count']} outlier{'s' if row['count'] > 1 else ''} of {row['instrument']}" for row in outliers]
+    words += [f"{counted(row['count'], 'outlier')} of {row['instrument']}" for row in outliers]
     unknown = sum(row["verdict"] == "not determined" for row in rows)
     if not words:
         beyond = f"; {unknown} of {len(rows)} quantities could not be determined" if unknown else ""

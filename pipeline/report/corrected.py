@@ -14,8 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline.findings import InputError
 from pipeline.report.adjustment import CONSIDERED, CONTRADICTED
 from pipeline.report.adjustment import DETERMINED as DETERMINED_WORD
@@ -111,14 +109,9 @@ def correct(
 
 def of_mission(inputs: Inputs) -> Corrected:
     """Return the vehicle of a mission as the mission has corrected it."""
-    mission, constants = inputs.mission, inputs.ingest.get("constants") or {}
-    mass = mission.ballast.mass or constants.get("mass", inputs.vehicle["mass"])
-    density = inputs.records["density"].to_numpy()
-    if "hull_volume" in constants:
-        neutral = float(mass / constants["hull_volume"])
-    else:
-        neutral = float(np.nanmean(density)) if np.isfinite(density).any() else math.nan
-    return correct(inputs.vehicle, mission, inputs.estimate, neutral_density=neutral)
+    ballast = inputs.estimate.get("ballast")
+    neutral = float(ballast["mass"]) / float(ballast["volume"]) if ballast else math.nan
+    return correct(inputs.vehicle, inputs.mission, inputs.estimate, neutral_density=neutral)
 
 
 def _is_determined(entry: Mapping[str, Any]) -> bool:

@@ -11,7 +11,7 @@ from pipeline.records import seconds, timestamps
 from pipeline.report.closures import CIRCULAR, INDEPENDENT, by_estimate
 from pipeline.report.compare import floats
 from pipeline.report.fitting.passages import SEEN, Passages, through_water
-from pipeline.report.rounding import amount
+from pipeline.report.rounding import amount, counted
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
@@ -79,6 +79,6 @@ def _rows(inputs: Inputs, passages: Passages) -> list[dict[str, Any]]:
 def _sentence(known: list[dict[str, Any]], *, used: bool) -> str:
     """Return the mean current in words: errors are taken as alike in all passages, so that none average out."""
     east, north, std = (float(np.mean([row[name] for row in known])) for name in ("east_m_s", "north_m_s", "std_m_s"))
-    dives = f"{len(known)} passage{'s' if len(known) > 1 else ''} between fixes"
+    dives = f"{counted(len(known), 'passage')} between fixes"
     words = f"Depth-average current, mean of {dives}: {amount(east, std)} m/s east, {amount(north, std)} m/s north."
     return words + (" The estimate has used the same fixes (gps: use)." if used else "")

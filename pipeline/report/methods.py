@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from pipeline.report.rounding import signed
+from pipeline.report.nominal import ballast_std
+from pipeline.report.rounding import signed, uncertainty
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
@@ -57,8 +58,9 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
             f"{signed(math.degrees(correction.offset_rad), 2)}°."
         )
     out.append(f"The pitch bias that remains is taken as 0 ± {correction.std_deg:g}°.")
-    if mission.ballast.mass or mission.ballast.volume or mission.ballast.neutral_density:
-        out.append(f"Ballast is taken from mission.yaml, ± {mission.ballast.std:g} N.")
+    stated = mission.ballast.mass or mission.ballast.volume or mission.ballast.neutral_density
+    source = "is taken from mission.yaml" if stated else "is not in mission.yaml, and is taken as known"
+    out.append(f"Ballast {source}, ± {uncertainty(ballast_std(mission, inputs.estimate))} N.")
     if mission.coefficients:
         changed = ", ".join(f"{name} = {value:g}" for name, value in sorted(mission.coefficients.items()))
         out.append(f"mission.yaml overrides coefficients of the vehicle file: {changed}.")
@@ -89,11 +91,14 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
         text += " In level flight under propeller the speed came from GPS fixes at the ends of submerged legs."
     if len(inputs.force):
         told = "the depth rate and the speed sensor" if sensor_used else "the depth rate"
+        driven = "thrust" in (inputs.estimate.get("force") or {}).get("parameters", ())
+        thrust = "thrust, " if driven else ""
+        rest = "adjusted, too" if sensor_used else "considered (Schmidt, 1966)"
         text += (
             f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, "
-            f"its drag, net buoyancy, compressibility, thermal expansion, water carried in the fairing and thrust "
+            f"its drag, net buoyancy, {thrust}compressibility, thermal expansion and water carried in the fairing "
             f"adjusted to {told} by the filter-error method (Maine and Iliff, 1985); lift, induced drag and the bias "
-            f"of pitch were {'adjusted, too' if sensor_used else 'considered (Schmidt, 1966)'}."
+            f"of pitch were {rest}."
         )
     if (inputs.estimate.get("used") or {}).get("pitch_rate"):
         text += " A gyro's rate of pitch moved the pitch from sample to sample; its bias was estimated."

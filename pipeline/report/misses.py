@@ -62,6 +62,7 @@ def _mean(row: Mapping[Any, Any]) -> dict[str, Any]:
         "relative_error_percent": 100.0 * row["relative_error"] if unit == "cm/s" else math.nan,
         "significance": row["significance"],
         **{f"{name}_percent": 100.0 * row[name] for name in SHARES},
+        "split_reason": row["split_reason"],
         "label": row["label"],
         "why": row["why"],
     }

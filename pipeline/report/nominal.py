@@ -92,7 +92,7 @@ def table(
             pitch=None if math.isnan(pitch) else pitch,
             density=part.density,
             propeller_power=part.propeller_power,
-            net_buoyancy_std=mission.ballast.std,
+            net_buoyancy_std=ballast_std(mission, estimate),
             propeller_speed_std=PROPELLER_STD * part.propeller_speed_rpm / 60.0,
             pitch_std=math.radians(mission.pitch.std_deg),
         )
@@ -239,6 +239,11 @@ def _why_not(flown: pd.DataFrame, own: pd.DataFrame) -> str:
     if not np.isfinite(floats(own, "speed")).any():
         return "unobservable: depth carries no speed here, and neither GPS legs nor a speed sensor say otherwise"
     return "no theory to compare with"
+
+
+def ballast_std(mission: Mission, estimate: Mapping[str, Any]) -> float:
+    """Return the 1-sigma, N, that stage 2 gave the constant part of net buoyancy; that of mission.yaml without one."""
+    return float((estimate.get("ballast") or {}).get("std", mission.ballast.std))
 
 
 def gps_speed(estimate: Mapping[str, Any]) -> tuple[float, float] | None:

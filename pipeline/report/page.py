@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from pipeline.report.figures.drawing import Picture, inline
 from pipeline.report.figures.files import FOLDER, KINDS
 from pipeline.report.figures.interactive import Interactive
 from pipeline.report.guide import guide
-from pipeline.report.rounding import aligned, amount, decimals, uncertainty
+from pipeline.report.rounding import aligned, amount, counted, decimals, uncertainty
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Rows of a table of blocks on the page; all of them are in summary.json.
@@ -77,6 +77,7 @@ def report(
         folder=FOLDER,
         sections=SECTIONS,
         guide=guide(),
+        parts=_parts(summary["parts"]),
         block_rows=_block_rows(summary["comparison"]["blocks"]),
         most_rows=MOST_ROWS,
     ))  # fmt: skip
@@ -95,6 +96,7 @@ def environment() -> Environment:
         "amount": amounts,
         "sigma": sigma,
         "beside": beside,
+        "counted": counted,
     }
     environment.globals |= {"kinds": KINDS}
     return environment
@@ -135,6 +137,18 @@ def svg(picture: Picture) -> Markup:
     """Return a figure's drawing with its alternative text, to stand inside the page."""
     label = Markup.escape(picture.alt)
     return Markup(inline(picture.svg).replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
+
+
+def _parts(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return which columns of the table of parts have something to show, and the notes that are those of every part."""
+    shown = {
+        "published": any(_known(row["published_speed_m_s"]) for row in rows),
+        "published_theory": any(_known(row["published_theory_speed_m_s"]) for row in rows),
+        "free": not all(row["free_reason"] for row in rows),
+        "stable": not all(row["stable_reason"] for row in rows),
+    }
+    notes = [note for note in rows[0]["notes"] if all(note in row["notes"] for row in rows)] if len(rows) > 1 else []
+    return shown | {"notes": notes}
 
 
 def _chosen(columns: Mapping[str, Any]) -> list[int]:

@@ -57,6 +57,17 @@ def in_words(item: Mapping[str, Any]) -> str:
     return f"{item['symbol']} = {amount(item['value'], item['std'])}{unit}{share}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Return how many of a noun whose plural ends in s.
+
+    Examples
+    --------
+    >>> counted(1, "dive"), counted(3, "dive")
+    ('1 dive', '3 dives')
+    """
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def signed(value: float, digits: int = 1) -> str:
     """Return a number with its sign, a true minus, and so many decimals."""
     return f"{value:+.{digits}f}".replace("-", "−")

@@ -39,7 +39,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
     )
     given = Given(
         settings=settings,
-        ballast_std=mission.ballast.std,
+        ballast_std=nominal.ballast_std(mission, inputs.estimate),
         pitch_std=math.radians(mission.pitch.std_deg),
         use_sensor=sensor_used,
         gps=gps,
@@ -110,10 +110,12 @@ def _consistency(estimate: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the numbers of the first table: name, value, 1-sigma, unit and a remark."""
+    """Return the numbers of the first table: name, value, 1-sigma, unit, a remark, and whether it is a difference."""
 
-    def row(name: str, value: Any, unit: str, std: float = math.nan, remark: str = "") -> dict[str, Any]:
-        return {"name": name, "value": value, "std": std, "unit": unit, "remark": remark}
+    def row(
+        name: str, value: Any, unit: str, std: float = math.nan, remark: str = "", *, signed: bool = False
+    ) -> dict[str, Any]:
+        return {"name": name, "value": value, "std": std, "unit": unit, "remark": remark, "signed": signed}
 
     data, blocks = summary["data"], summary["blocks"]
     rows = [
@@ -128,7 +130,7 @@ def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
         measured, spread = part["measured_speed_m_s"], part["measured_speed_std_m_s"]
         rows.append(row(f"speed, {part['name']}", measured, "m/s", spread, remark))
     for item in summary["fit"]["parameters"]:
-        rows.append(row(item["symbol"], item["value"], item["unit"], item["std"], item["verdict"]))
+        rows.append(row(item["symbol"], item["value"], item["unit"], item["std"], item["verdict"], signed=True))
     for judged in summary["consistency"]:
         sensor, method = judged["sensor"], judged["method"]
         if not sensor:
@@ -140,5 +142,5 @@ def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
         ):
             unit = "%" if key == "coverage95" else "cm/s"
             remark = f"{method} estimate, {sensor['n']} instants, held out"
-            rows.append(row(f"{name}, {method}", 100.0 * sensor[key], unit, remark=remark))
+            rows.append(row(f"{name}, {method}", 100.0 * sensor[key], unit, remark=remark, signed=key == "bias"))
     return rows

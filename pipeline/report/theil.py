@@ -7,11 +7,27 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.report.rounding import counted
+
 Array = NDArray[np.float64]
 
-#: Of fewer pairs than this nothing is said: two lie on a line whatever they are.
+#: Of fewer pairs than this nothing is said.
 FEWEST = 3
 SHARES = ("offset_share", "slope_share", "scatter_share")
+
+
+def unsplit(predicted: Array, measured: Array, weights: Array) -> str:
+    """Return why there are no shares of E = S − D, "" where there are.
+
+    Parameters
+    ----------
+    predicted, measured, weights
+        As for `split`.
+    """
+    if measured.size < FEWEST:
+        found = counted(measured.size, "block")
+        return f"{found}, which an offset and a slope meet exactly whatever they are: {FEWEST} are needed"
+    return "" if weights @ (predicted - measured) ** 2 > 0.0 else "no error to split"
 
 
 def split(predicted: Array, measured: Array, weights: Array) -> dict[str, float]:
@@ -30,12 +46,11 @@ def split(predicted: Array, measured: Array, weights: Array) -> dict[str, float]
     Returns
     -------
     dict
-        `SHARES`; NaN for fewer than `FEWEST` pairs, and where there is no error.
+        `SHARES`; NaN where `unsplit` says why.
     """
-    share = weights / weights.sum()
-    square = float(share @ (predicted - measured) ** 2)
-    if measured.size < FEWEST or square == 0.0:
+    if unsplit(predicted, measured, weights):
         return dict.fromkeys(SHARES, math.nan)
+    share = weights / weights.sum()
     offset = float(share @ (predicted - measured))
     s, d = predicted - share @ predicted, measured - share @ measured
     spread, own, common = float(share @ s**2), float(share @ d**2), float(share @ (s * d))

@@ -235,7 +235,7 @@ def adjusted(**changes):
     parameters = {name: dict(zip(keys, entry, strict=True)) | changes.get(name, {}) for name, entry in entries.items()}
     settings = {"sigma_w": 0.0034, "tau_w": 504.0, "depth_noise": 0.0199, "pitch_noise": 0.00289, "swell": 4e-6,
                 "force_drift": 9e-6, "load": 0.115}  # fmt: skip
-    return {"reason": "", "parameters": parameters, "converged": True, "observable_share": 0.9,
+    return {"reason": "", "parameters": parameters, "untouched": ["thrust"], "converged": True, "observable_share": 0.9,
             "reasons": {"at the surface": 80, "stalled": 20}, "settings": settings}  # fmt: skip
 
 

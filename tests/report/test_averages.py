@@ -44,7 +44,20 @@ def test_the_mean_square_error_is_split_unless_the_comparison_is_circular():
     row = means(spread, SETTINGS).iloc[0]
     assert row["offset_share"] == pytest.approx(0.02**2 / np.mean(np.square([0.01, 0.03, 0.02, 0.02])))
     assert row["offset_share"] + row["slope_share"] + row["scatter_share"] == pytest.approx(1.0)
-    assert means(spread.assign(label="circular"), SETTINGS)[["offset_share", "slope_share"]].isna().all(axis=None)
+    assert row["split_reason"] == ""
+    circular = means(spread.assign(label="circular"), SETTINGS)
+    assert circular[["offset_share", "slope_share"]].isna().all(axis=None)
+    assert circular["split_reason"].tolist() == ["circular: E says nothing"]
+
+
+@pytest.mark.parametrize(("blocks", "words"), [(1, "1 block, which"), (2, "2 blocks, which")])
+def test_where_the_mean_square_is_not_split_it_is_said_why(blocks, words):
+    row = means(comparisons([0.01, 0.03][:blocks]), SETTINGS).iloc[0]
+    assert math.isnan(row["offset_share"])
+    assert row["split_reason"].startswith(words)
+    assert row["split_reason"].endswith("3 are needed")
+    same = means(comparisons([0.0] * 4), SETTINGS).iloc[0]
+    assert same["split_reason"] == "no error to split"
 
 
 def test_what_blocks_share_does_not_average_out():

@@ -95,6 +95,19 @@ def test_nothing_overflows_and_axe_finds_no_serious_fault(look: Any, name: str, 
     assert grave == []
 
 
+SCROLLS = """() => [...document.querySelectorAll('.scroll:not(.static)')]
+    .filter(item => item.scrollWidth > item.clientWidth + 1).map(item => item.getAttribute('aria-label'))"""
+
+
+@pytest.mark.parametrize(("width", "media"), [(1280, "screen"), (700, "print")])
+def test_every_table_is_seen_whole_at_a_desk_and_on_paper(look: Any, width: int, media: str) -> None:
+    """On A4 a table can not be scrolled, and at a desk nobody does: what stands last is how independent it is."""
+    page = look(REPORT, width)
+    page.emulate_media(media=media)
+    page.evaluate("document.querySelectorAll('details').forEach(item => item.open = true)")
+    assert page.evaluate(SCROLLS) == []
+
+
 def test_every_figure_is_drawn(look: Any, built: Report) -> None:
     page = look(REPORT)
     drawn = {name for name, picture in built.pictures.items() if picture is not None}

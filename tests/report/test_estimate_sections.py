@@ -37,10 +37,12 @@ def test_page_shows_what_was_adjusted_in_units_of_people_and_what_would_tell_the
         "Not determined: bias of pitch and lift slope. It would take a speed sensor that may be used",
         "Not determined: compressibility of the hull. It would take dives deeper than the 500 m of this mission.",
         "Against what was known before stands thermal expansion of the hull",
+        "Nothing that was logged depends on thrust (the propeller did not turn).",
         "90.0 % of the samples. Not in 8.0 %, at the surface; or in 2.0 %, stalled.",
         "vertical velocity of the water 1.00 0.34 cm/s", "its correlation time 300 504 s", "– 3.00 mm/s per √s",
     ):  # fmt: skip
         assert shown in words, shown
+    assert "propeller on and off" not in words
     assert built[1].count('significant">contradicts what was known before, by 5.4 sigma') == 1
     assert "take the values with care" not in words
 
@@ -112,6 +114,24 @@ def test_what_was_applied_is_said_in_degrees_and_centimetres_a_second():
         pitch_bias=bias | {"applied": False})}, sensor_used=True)["sentence"]  # fmt: skip
     assert "pitch is 0.861 ± 0.011 times what is logged" in scale
     assert scale.endswith("Applied: scale of pitch, true over logged; not applied: bias of pitch.")
+
+
+def test_a_quantity_of_a_mission_in_parts_names_them_and_says_whether_they_agree():
+    parts = {"known": 4, "of": 5, "lowest": 0.011, "highest": 0.024, "chi_square": 3.9, "agree": True}
+    scale = agreeing()["pitch_scale"] | {"value": 0.018, "std": 0.003, "significant": True, "applied": True}
+    scale |= {"reason": "1-sigma 1 % before the mission, 0.3 % now"}
+
+    def row(**changes):
+        given = {"compatibility": {}, "speed_scale": {"kinematic": scale | {"parts": parts | changes}}}
+        return compatibility(given, sensor_used=True)["quantities"][-1]
+
+    assert row()["reason"] == (
+        "1-sigma 1 % before the mission, 0.3 % now; mean of 4 of 5 parts, each by itself, from +1.10 to +2.40 %, no "
+        "farther apart than their 1σ say"
+    )
+    apart = row(agree=False, chi_square=14.25)
+    assert apart["reason"].endswith("farther apart than their 1σ say (χ² 14.2 for 3), so this is wider")
+    assert row(known=1)["reason"].endswith("; told by one of 5 parts")
 
 
 def test_figure_of_flight_draws_both_estimates_each_in_its_colour(built):

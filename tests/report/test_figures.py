@@ -13,8 +13,10 @@ from pipeline.records import RECORDS, conform, timestamps
 from pipeline.report.averages import parity as parts
 from pipeline.report.compare import compare
 from pipeline.report.figures.parity import parity
+from pipeline.report.figures.profiles import profiles
 from pipeline.report.figures.stability import stability
 from pipeline.report.figures.track import track
+from pipeline.report.fitting.fit import fit
 from pipeline.vehicle import Coefficient, Vehicle
 
 
@@ -66,7 +68,11 @@ def test_steady_flight_of_petrel_returns_from_what_is_near_and_an_unknown_inerti
     vehicle = Vehicle(petrel.name, petrel.description, unknown)
     blind = stability(table, predict(vehicle, table), vehicle)
     assert blind is not None
-    assert "none is known to die out" in blind.alt
+    assert "The region of attraction is not known: the vehicle file leaves pitch_inertia unknown." in blind.alt
+    assert "Right:" in found.caption
+    assert "Right:" not in blind.caption
+    assert found.svg.count("axes_2") == 1
+    assert "axes_2" not in blind.svg  # no empty panel
 
 
 def test_flight_by_the_propellers_power_has_its_region_too(petrel: Vehicle) -> None:
@@ -81,3 +87,11 @@ def test_flight_by_the_propellers_power_has_its_region_too(petrel: Vehicle) -> N
 def test_without_theory_there_is_no_figure_of_stability(unknown: Vehicle) -> None:
     given = inputs(Mission(vehicle="petrel-ii"), unknown, blocks(dives=1))
     assert stability(given.blocks, given.predictions, unknown) is None
+
+
+def test_caption_of_profiles_speaks_of_resamples_only_where_some_were_drawn(petrel: Vehicle) -> None:
+    few, many = (fit(blocks(dives=dives), petrel) for dives in (3, 6))
+    for found, drawn in ((few, False), (many, True)):
+        picture = profiles(found)
+        assert picture is not None
+        assert ("Orange" in picture.caption) is drawn

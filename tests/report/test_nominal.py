@@ -3,12 +3,14 @@
 import math
 
 import pytest
-from synthetic import SETTINGS, blocks, level_blocks
+from synthetic import SETTINGS, blocks, inputs, level_blocks
 
 from pipeline.mission import Mission, Nominal
 from pipeline.model.predict import predict
+from pipeline.report import build
 from pipeline.report.compare import compare
 from pipeline.report.nominal import gps_speed, parts, table
+from pipeline.report.rounding import uncertainty
 
 DANJIANGKOU = Nominal(
     name="fixed depth 10 m",
@@ -99,3 +101,18 @@ def test_without_net_buoyancy_there_is_no_part_to_show(petrel):
 )
 def test_legs_without_a_speed_give_none(legs):
     assert gps_speed({"gps": legs}) is None
+
+
+def test_fit_theory_and_words_take_ballast_as_uncertain_as_the_estimate_did(petrel):
+    """Stage 2 knows where ballast comes from; mission.yaml says 1 N where nobody wrote anything."""
+    asked = Mission(vehicle="petrel-ii", name="x", nominal=[Nominal(name="dive", net_buoyancy=-5.0, pitch_deg=-30.0)])
+    held = []
+    for std in (0.1, 2.0):
+        estimate = {"ballast": {"mass": 70.0, "volume": 0.068, "std": std}}
+        found = build(inputs(asked, petrel, blocks(dives=2), estimate=estimate))[0]
+        priors = {item["name"]: item["prior_std"] for item in found["fit"]["parameters"]}
+        assert priors["net_buoyancy"] == std
+        words = f"Ballast is not in mission.yaml, and is taken as known, ± {uncertainty(std)} N."
+        assert words in found["borrowed"]
+        held.append(found["parts"][0]["held_speed_std_m_s"])
+    assert held[1] > 2.0 * held[0]

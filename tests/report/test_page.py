@@ -3,10 +3,11 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from pages import Page, complete, marking, numbers, unsaid
+from pages import Page, complete, marking, numbers, section, unsaid
 from synthetic import SETTINGS, blocks, inputs, level_blocks
 
 from pipeline import store
@@ -263,3 +264,44 @@ def test_spread_leaves_out_an_unknown_deviation():
 def test_settings_of_the_estimator_are_in_the_methods(built):
     assert "1.00 cm/s" in built[0]["methods"]
     assert f"{SETTINGS['tau_w']:.0f} s" in built[0]["methods"]
+
+
+def test_table_of_parts_has_no_column_without_a_number_and_says_once_what_holds_for_all(petrel, mission):
+    """A vehicle whose moments nobody knows has no theory with the pitch left free, and nothing was published of it."""
+    known = {name: item for name, item in petrel.coefficients.items() if not name.startswith("moment_")}
+    made = inputs(mission, replace(petrel, coefficients=known), blocks(dives=2))
+    shown = section(build(made).page, "trial")
+    for missing in ("published V m/s", "theory, pitch free", "stable range, pitch free", "Pitch left free"):
+        assert missing not in shown
+    assert shown.count("No theory with the pitch left free") == 1
+    assert "Every part: No theory with the pitch left free: the vehicle file leaves" in shown
+    whole = section(build(inputs(mission, petrel, blocks(dives=2))).page, "trial")
+    for present in ("theory, pitch free", "stable range, pitch free", "Pitch left free"):
+        assert present in whole
+    assert "published V m/s" not in whole
+
+
+def test_a_difference_among_the_key_numbers_has_its_sign(built):
+    """A correction or a bias without a plus would be read as a size."""
+    rows = {row["name"]: row for row in built.summary["key_numbers"]}
+    shown = section(built.page, "numbers")
+    drag = rows["ΔK_D0"]
+    assert drag["value"] > 0.0
+    assert f"ΔK_D0 {spread(drag['value'], drag['std'], sign=True)} kg/m" in re.sub(r" ?± ?", " ± ", shown)
+    assert "bias against the speed sensor, force +0.38 cm/s" in shown
+    assert "RMSE against the speed sensor, force 1.57 cm/s" in shown
+
+
+@pytest.mark.parametrize("each", [1, 2])
+def test_page_says_why_the_error_of_a_few_blocks_is_not_split(petrel, mission, each):
+    shown = section(build(inputs(mission, petrel, blocks(dives=1, each=each))).page, "comparison")
+    assert f"{each} block{'s' * (each > 1)}, which an offset and a slope meet exactly whatever they are" in shown
+    assert "circular: E says nothing" in shown
+
+
+def test_theory_has_no_more_decimals_than_what_it_is_compared_with(built):
+    """Where both sides solve the same closure their difference is rounding, and theory had ten decimals by it."""
+    table = built.page[built.page.index("Theory with measured pitch held") :]
+    table = table[: table.index("</table>")]
+    shown = [max(map(len, re.findall(r"\.(\d+)", row)), default=0) for row in re.findall(r"<tr>.*?</tr>", table)]
+    assert max(shown) <= 3

@@ -54,6 +54,7 @@ def profiles(fit: Mapping[str, Any]) -> Picture | None:
                 axes.set_ylabel("Δχ²")
         handles, labels = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=3)
+        resampled = "" if fit["bootstrap"]["reason"] else " Orange: 95 % of the resamples of whole dives."
         words = "; ".join(_words(profile) for profile in fit["profiles"])
         return picture(
             figure,
@@ -61,7 +62,7 @@ def profiles(fit: Mapping[str, Any]) -> Picture | None:
             f"Profile likelihoods. {words}.",
             "How much worse the fit gets (Δχ², scaled to the scatter found) with one correction held beside its best "
             "value and all others fitted anew (blue); below the dashed line lies the 95 % interval. Dotted: what the "
-            "1σ alone would say. Orange: 95 % of the resamples of whole dives.",
+            f"1σ alone would say.{resampled}",
             _table(fit["profiles"]),
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import NamedTuple
 
 import numpy as np
@@ -29,11 +28,10 @@ from pipeline.report.figures.drawing import (
     Drawn,
     Picture,
     canvas,
-    message,
     picture,
     style,
 )
-from pipeline.report.rounding import signed
+from pipeline.report.rounding import counted, signed
 from pipeline.vehicle import Vehicle
 
 COLUMNS = (
@@ -78,21 +76,27 @@ def stability(blocks: pd.DataFrame, predictions: pd.DataFrame, vehicle: Vehicle)
     flown = _flown(both, vehicle)
     with style():
         figure = canvas(WIDTH, 4.4)
-        left, right = figure.subplots(1, 2)
-        _range(left, both)
-        region = _region(right, flown)
+        panels = figure.subplots(1, 1 if flown.state.reason else 2, squeeze=False)[0]
+        _range(panels[0], both)
+        if flown.state.reason:
+            region = f"The region of attraction is not known: {flown.state.reason}."
+            dies = region
+        else:
+            share = 100.0 * _region(panels[1], flown).share
+            dies = f"Of the disturbances tried about {flown.label}, {share:.0f} % die out."
+            region = (
+                f"Right: {flown.label} by theory, trimmed at the measured pitch; disturbances of speed and path angle "
+                "that die out within 300 s (shaded, by simulation of the borrowed dynamics with battery and righting "
+                "moment held) and the blocks as flown (blue), as deviations from it."
+            )
         figure.legend(loc="outside lower center", ncols=3)
         return picture(
             figure,
             "stability",
-            f"Measured speed of {len(both)} blocks and the stable range of each; of the disturbances tried about "
-            f"{flown.label}, {'none is known to die' if region is None else f'{100 * region.share:.0f} % die'} out.",
-            "Left: measured speed (blue, 1σ) of each block, theory with the measured pitch held (orange) and the "
-            "paper's stable range, Eqs. (27) and (28), at the block's net buoyancy and thrust with the measured pitch "
-            f"held (grey): theory that borrows all coefficients. Right: {flown.label} by theory, trimmed at the "
-            "measured pitch; disturbances of speed and path angle that die out within 300 s (shaded, by simulation of "
-            "the borrowed dynamics with battery and righting moment held) and the blocks as flown (blue), as "
-            "deviations from it.",
+            f"Measured speed of {counted(len(both), 'block')} and the stable range of each. {dies}",
+            f"{'Measured' if flown.state.reason else 'Left: measured'} speed (blue, 1σ) of each block, theory with "
+            "the measured pitch held (orange) and the paper's stable range, Eqs. (27) and (28), at the block's net "
+            f"buoyancy and thrust with the measured pitch held (grey): theory that borrows all coefficients. {region}",
             Drawn(both[[column.name for column in COLUMNS]], COLUMNS),
         )
 
@@ -135,14 +139,10 @@ def _range(axes: Axes, both: pd.DataFrame) -> None:
     axes.set(xlabel="measured pitch, °", ylabel="speed through water, m/s", title="stable range of speeds")
 
 
-def _region(axes: Axes, flown: Flown) -> Attraction | None:
-    """Draw which disturbances die out, and what was flown; return None where the theory has no such flight."""
+def _region(axes: Axes, flown: Flown) -> Attraction:
+    """Draw which disturbances die out, and what was flown, and return the former."""
     axes.set(title="region of attraction", xlabel="speed over that of steady flight, V/V_e − 1")
     axes.set_ylabel("path angle less that of steady flight, °")
-    if flown.state.reason:
-        axes.set(xticks=[], yticks=[])
-        message(axes, "not known:\n" + "\n".join(textwrap.wrap(flown.state.reason, 44)))
-        return None
     speed, angle = np.linspace(*FASTEST, STARTS), np.linspace(-STEEPEST, STEEPEST, STARTS)
     ends = attraction(flown.state, speed=speed[None, :], path_angle=angle[:, None], workers=1)
     axes.pcolormesh(

@@ -142,7 +142,7 @@ def refused(problem: Problem, sizes: Mapping[str, Any], reason: str, condition: 
         "battery": None,
         "lift_kept": {"percent": math.nan, "percent_std": math.nan},
         **sizes,
-        "left_out_dives": dict.fromkeys(LEFT_OUT) | {"dives": sizes["dives"], "reason": reason},
+        "left_out_dives": dict.fromkeys(LEFT_OUT) | {"dives": sizes["dives"], "halves": [], "reason": reason},
     }
     result["text"] = text(result)
     return result
@@ -234,11 +234,11 @@ def outliers(problem: Problem, places: NDArray[np.int64]) -> dict[str, Any]:
     """Return which residuals were weighted down, for a reader."""
     count = int(places.size)
     blocks = [int(problem.points.block[place]) for place in places if place < problem.points.size]
-    sentence = (
-        f"{count} of {problem.size} values are outliers and count for less (Huber's loss): blocks "
-        + ", ".join(str(block) for block in blocks[:10])
-        + ("" if len(blocks) <= 10 else " …")
-        if count
-        else ""
-    )
+    sentence = ""
+    if count:
+        verbs = "is an outlier and counts" if count == 1 else "are outliers and count"
+        sentence = f"{count} of {problem.size} values {verbs} for less (Huber's loss)"
+    if blocks:
+        listed = ", ".join(str(block) for block in blocks[:10]) + ("" if len(blocks) <= 10 else " …")
+        sentence += f": {'block' if len(blocks) == 1 else 'blocks'} {listed}"
     return {"loss": "huber" if count else "none", "outliers": count, "blocks": blocks, "sentence": sentence}

@@ -13,6 +13,7 @@ from pipeline.report.fitting.parameters import correction
 from pipeline.report.fitting.regression import Problem, Solution, solve
 from pipeline.report.fitting.selection import CONDITION_REFUSED, condition_index
 from pipeline.report.fitting.terms import Moments
+from pipeline.report.rounding import counted
 from pipeline.vehicle import Vehicle
 
 #: What is fitted to the balance, and what is borrowed beside what the flight leaves open.
@@ -41,7 +42,7 @@ def trim(flight: Problem, solution: Solution, vehicle: Vehicle) -> dict[str, Any
     if not balance.rows.size:
         return out | {"reason": "no battery position is logged"}
     if balance.rows.size <= len(FREE):
-        return out | {"reason": f"{balance.rows.size} block(s) with a battery position: 3 are needed"}
+        return out | {"reason": f"{counted(balance.rows.size, 'block')} with a battery position: 3 are needed"}
     names = (*FREE, *(name for name in HELD if vehicle.std(name) > 0.0))
     priors: Mapping[str, float] = {name: vehicle.std(name) for name in names}
     model = replace(flight.model, names=(*names, *flight.model.names))

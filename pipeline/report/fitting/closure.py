@@ -4,7 +4,9 @@ The velocity over ground of a passage is a V + c: the model's mean velocity thro
 and the current c. With a = (1 + β) exp(−iε), β is how much too slow the model is, relative, and ε by how much the
 compass reads too little, clockwise; β = 0 when the horizontal speed is right. The current is a constant that may be
 anything plus a Gauss–Markov process. Its strength and correlation time are not known either: the result is a mean over
-their posterior. On one heading a current does all that a wrong speed does; on several it cannot.
+their posterior. On one heading a current does all that a wrong speed does; on several it cannot. Which of the two
+it is shows in how the 1-sigma of β follows what was assumed of the current: it grows in proportion where that alone
+holds β, and not at all where the fixes do.
 
 The two parts of a are determined apart: a current without preferred direction makes errors along and across the
 heading independent, whatever the headings.
@@ -13,6 +15,7 @@ heading independent, whatever the headings.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,8 +30,6 @@ Vector = NDArray[np.complex128]
 
 #: 1-sigma of either component of the constant current, m/s: any; and of a compass whose declination may be forgotten.
 ANY, TURN = 1.0, math.radians(20.0)
-#: Inverse covariance of the parts of the factor, along and across the heading, and of the constant current.
-PRIOR = np.diag([0.0, TURN**-2, ANY**-2, ANY**-2])
 #: What is known beforehand of the changes of a depth-average current: strength [m/s] and correlation time [s], and
 #: the factor within which each lies (1-sigma), beside the values at which the posterior is taken.
 STRENGTH, STRENGTH_FACTOR = 0.05, 2.0
@@ -36,6 +37,8 @@ LASTING, LASTING_FACTOR = 6.0 * 3600.0, 2.0
 STEPS = np.linspace(-3.0, 3.0, 13)
 #: Above this 1-sigma β is not determined.
 UNDETERMINED = 0.2
+#: Nor where more than this share of it is what was assumed of the current: found by a current so many times as free.
+HELD, FREER = 0.5, 2.0
 #: A passage whose velocity over ground is off by more than this many times the usual is left out; at least so many.
 GATE, LEAST_FOR_GATE = 6.0, 6
 #: Median length of a vector whose components have unit variance.
@@ -59,10 +62,13 @@ class Closure:
         Relative change that the horizontal speed needs; NaN where it cannot be had, the 1-sigma with it.
     turn, turn_std
         Angle, rad, by which true headings are clockwise of those logged.
+    assumed
+        Share of what was assumed of the current in `beta_std`, 0 to 1: d ln σ_β by d ln of the assumed strengths.
     reason
         Why there is no β, "" where there is one.
     spread
-        Circular standard deviation of the directions flown, rad.
+        Angular deviation of the directions flown, rad: √(2 (1 − R)) with their mean resultant length R (Batschelet
+        1981, Circular Statistics in Biology), 0 on one heading and √2, 81 degrees, on all.
     condition_index
         Of factor and constant current, columns scaled to length one.
     current
@@ -77,6 +83,7 @@ class Closure:
     beta_std: float
     turn: float
     turn_std: float
+    assumed: float
     reason: str
     spread: float
     condition_index: float
@@ -85,12 +92,33 @@ class Closure:
     residual: Vector
 
 
-class _Fit(NamedTuple):
-    """Factor, the covariance of its two parts, and the logarithm of the restricted likelihood."""
+class _Whitened(NamedTuple):
+    """Velocities over ground and the columns of `_columns`, white if the current changes so, and ln of a determinant.
+
+    The latter is that of the covariance of one component.
+    """
+
+    over: Vector
+    columns: Vector
+    determinant: float
+
+
+class _Posterior(NamedTuple):
+    """Factor, the covariance of its two parts, shape (2, 2), and the probability of each current."""
 
     factor: complex
-    covariance: Array  # (2, 2)
-    likelihood: float
+    covariance: Array
+    weight: Array
+
+    @property
+    def along(self) -> Array:
+        """Direction of the factor as a unit vector."""
+        return np.array([self.factor.real, self.factor.imag]) / abs(self.factor)
+
+    @property
+    def beta_std(self) -> float:
+        """1-sigma of the length of the factor."""
+        return math.sqrt(self.along @ self.covariance @ self.along)
 
 
 def close(passages: Passages, through: ThroughWater) -> Closure:
@@ -113,44 +141,60 @@ def close(passages: Passages, through: ThroughWater) -> Closure:
     over, model = passages.over_ground[used], through.velocity[used]
     if missing or not np.any(np.abs(model) > 0.0):
         missing = missing or "the model does not move"
-        nothing = (math.nan, math.nan, math.nan, math.nan)
+        nothing = (math.nan, math.nan, math.nan, math.nan, math.nan)
         return Closure(
             *nothing, missing, math.nan, math.inf, Current(STRENGTH, LASTING), used, _current(passages, through, 1.0)
         )
-    unit = {lasting: water(passages.start[used], passages.end[used], 1.0, lasting) for _, lasting in _currents()}
     noise = np.hypot(passages.over_ground_std, through.std)[used]
-    fits = {
-        current: _fit(over, model, _whitener(unit[current.lasting], current.strength, noise)) for current in _currents()
-    }
-    weight = np.array([_prior(current) + fit.likelihood for current, fit in fits.items()])
-    weight = np.exp(weight - weight.max())
-    weight /= weight.sum()
-    factors = np.array([fit.factor for fit in fits.values()])
-    factor = complex(weight @ factors)
-    size = abs(factor)
-    parts = np.column_stack([(factors - factor).real, (factors - factor).imag])
-    covariance = np.einsum("g,gij->ij", weight, [fit.covariance for fit in fits.values()])
-    covariance += np.einsum("g,gi,gj->ij", weight, parts, parts)
-    along = np.array([factor.real, factor.imag]) / size
-    across = np.array([-along[1], along[0]])
-    beta_std, cross_std = (math.sqrt(float(side @ covariance @ side)) for side in (along, across))
+    white = _by_current(passages.start[used], passages.end[used], over, model, noise)
+    found, freer = _posterior(white), _posterior(white, FREER)
+    assumed = math.log(freer.beta_std / found.beta_std) / math.log(FREER)
+    across = np.array([-found.along[1], found.along[0]])
+    cross_std = math.sqrt(across @ found.covariance @ across)
     spread, condition = _spread(model)
     reason = ""
-    if beta_std > UNDETERMINED:
-        reason = _undetermined(over.size, spread, beta_std)
-    strength, lasting = np.exp(weight @ np.log(np.array(list(fits)))).tolist()
+    if assumed > HELD or found.beta_std > UNDETERMINED:
+        reason = _undetermined(over.size, spread, assumed, found.beta_std, freer.beta_std)
+    strength, lasting = np.exp(found.weight @ np.log(np.array(list(white)))).tolist()
+    size = abs(found.factor)
     return Closure(
         math.nan if reason else size - 1.0,
-        beta_std,
-        math.nan if reason else -math.atan2(factor.imag, factor.real),
+        found.beta_std,
+        math.nan if reason else -math.atan2(found.factor.imag, found.factor.real),
         cross_std / size,
+        assumed,
         reason,
         spread,
         condition,
         Current(strength, lasting),
         used,
-        _current(passages, through, 1.0 if reason else factor),
+        _current(passages, through, 1.0 if reason else found.factor),
     )
+
+
+def _by_current(start: Array, end: Array, over: Vector, model: Vector, noise: Array) -> dict[Current, _Whitened]:
+    """Return the measurements made white for each way the current may change."""
+    unit = {lasting: water(start, end, 1.0, lasting) for _, lasting in _currents()}
+    out = {}
+    for current in _currents():
+        whiten = _whitener(unit[current.lasting], current.strength, noise)
+        determinant = 2.0 * float(np.sum(np.log(whiten.factor[0])))
+        out[current] = _Whitened(_whitened(whiten, over), _columns(whiten, model), determinant)
+    return out
+
+
+def _posterior(white: Mapping[Current, _Whitened], freedom: float = 1.0) -> _Posterior:
+    """Return factor and current after the data, the current assumed `freedom` times as strong as it is."""
+    fits = [_fit(each, freedom) for each in white.values()]
+    weight = np.array([_prior(current, freedom) + fit[2] for current, fit in zip(white, fits, strict=True)])
+    weight = np.exp(weight - weight.max())
+    weight /= weight.sum()
+    factors = np.array([fit[0] for fit in fits])
+    factor = complex(weight @ factors)
+    parts = np.column_stack([(factors - factor).real, (factors - factor).imag])
+    covariance = np.einsum("g,gij->ij", weight, [fit[1] for fit in fits])
+    covariance += np.einsum("g,gi,gj->ij", weight, parts, parts)
+    return _Posterior(factor, covariance, weight)
 
 
 def _whitener(unit: Noise, strength: float, noise: Array) -> Whitener:
@@ -168,17 +212,27 @@ def _whitener(unit: Noise, strength: float, noise: Array) -> Whitener:
     return with_measurement(Noise(strength**2 * unit.band), np.maximum(noise, 1e-4)).whitener()
 
 
-def _fit(over: Vector, model: Vector, whiten: Whitener) -> _Fit:
-    """Return the generalised least squares of factor and constant current for given changes of the current."""
-    over, columns = _whitened(whiten, over), _columns(whiten, model)
-    normal = (columns.conj().T @ columns).real + PRIOR
+def _fit(white: _Whitened, freedom: float) -> tuple[complex, Array, float]:
+    """Return factor, covariance of its two parts and logarithm of the restricted likelihood for given changes.
+
+    Generalised least squares of factor and constant current.
+    """
+    prior = _information(freedom)
+    normal = (white.columns.conj().T @ white.columns).real + prior
     covariance = np.linalg.inv(normal)
-    found = covariance @ (columns.conj().T @ over).real
-    rest = over - columns @ found
-    misfit = float(np.vdot(rest, rest).real + found @ PRIOR @ found)
-    determinant = 2.0 * float(np.sum(np.log(whiten.factor[0])))
-    likelihood = -determinant - 0.5 * misfit - 0.5 * float(np.linalg.slogdet(normal)[1])
-    return _Fit(complex(*found[:2]), np.asarray(covariance[:2, :2], dtype=np.float64), likelihood)
+    found = covariance @ (white.columns.conj().T @ white.over).real
+    rest = white.over - white.columns @ found
+    misfit = float(np.vdot(rest, rest).real + found @ prior @ found)
+    likelihood = -white.determinant - 0.5 * misfit - 0.5 * float(np.linalg.slogdet(normal)[1])
+    return complex(*found[:2]), np.asarray(covariance[:2, :2], dtype=np.float64), likelihood
+
+
+def _information(freedom: float = 1.0) -> Array:
+    """Return the inverse covariance beforehand of the parts of the factor and of the constant current, shape (4, 4).
+
+    The part along the heading is free, that across it by a compass; the current is `freedom` times `ANY`.
+    """
+    return np.diag([0.0, TURN**-2, (freedom * ANY) ** -2, (freedom * ANY) ** -2])
 
 
 def _columns(whiten: Whitener, model: Vector) -> Vector:
@@ -201,28 +255,35 @@ def _currents() -> list[Current]:
     ]
 
 
-def _prior(current: Current) -> float:
+def _prior(current: Current, freedom: float) -> float:
     """Return the logarithm of the prior density of the changes of the current, but for a constant."""
-    strength = math.log(current.strength / STRENGTH) / math.log(STRENGTH_FACTOR)
+    strength = math.log(current.strength / (freedom * STRENGTH)) / math.log(STRENGTH_FACTOR)
     lasting = math.log(current.lasting / LASTING) / math.log(LASTING_FACTOR)
     return -0.5 * (strength**2 + lasting**2)
 
 
 def _spread(model: Vector) -> tuple[float, float]:
-    """Return the circular standard deviation of directions, rad, and the condition index of model and constant."""
+    """Return the angular deviation of directions, rad, and the condition index of model and constant."""
     size = np.abs(model)
     together = float(abs(model.sum()) / size.sum())
     alike = min(float(abs(model.sum()) / math.sqrt(size.size * float(size @ size))), 1.0)
-    spread = math.sqrt(-2.0 * math.log(together)) if 0.0 < together < 1.0 else (0.0 if together >= 1.0 else math.inf)
-    return spread, math.sqrt((1.0 + alike) / (1.0 - alike)) if alike < 1.0 - 1e-12 else math.inf
+    return math.sqrt(2.0 * max(1.0 - together, 0.0)), math.sqrt(
+        (1.0 + alike) / (1.0 - alike)
+    ) if alike < 1.0 - 1e-12 else math.inf
 
 
-def _undetermined(count: int, spread: float, std: float) -> str:
+def _undetermined(count: int, spread: float, assumed: float, std: float, freer: float) -> str:
+    """Return why β is not determined, and what would."""
+    alike = f"{count} passages whose directions spread by {math.degrees(spread):.0f} degrees"
     if count == 1:
-        return "one passage: a current does all that a wrong speed does"
+        words = "one passage: a current does all that a wrong speed does"
+    elif assumed > HELD:
+        words = f"{alike}: what was assumed of the current decides β, not the fixes"
+    else:
+        return f"{alike} do not tell speed from current (1-sigma of β {std:.2f}); passages on reciprocal headings would"
     return (
-        f"{count} passages whose directions spread by {math.degrees(spread):.0f} degrees do not tell speed from current"
-        f" (1-sigma of β {std:.2f}); more headings would"
+        f"{words} (1-sigma of β {std:.2f}, with a current twice as free {freer:.2f}); more passages on reciprocal "
+        "headings would tell"
     )
 
 
@@ -252,7 +313,7 @@ def _off(passages: Passages, through: ThroughWater, rows: NDArray[np.intp]) -> A
     unit = water(passages.start[rows], passages.end[rows], 1.0, LASTING)
     whiten = _whitener(unit, STRENGTH, noise)
     root, columns = whiten(np.eye(rows.size)), _columns(whiten, through.velocity[rows])
-    covariance = np.linalg.inv((columns.conj().T @ columns).real + PRIOR)
+    covariance = np.linalg.inv((columns.conj().T @ columns).real + _information())
     over = _whitened(whiten, passages.over_ground[rows])
     rest = root.T @ (over - columns @ (covariance @ (columns.conj().T @ over).real))
     taken = root.T @ columns

@@ -31,6 +31,7 @@ from pipeline.report.fitting.terms import Constraint
 from pipeline.report.fitting.text import text
 from pipeline.report.fitting.uncertainty import RESAMPLES, bootstrap, colour, profile
 from pipeline.report.fitting.weighing import weighed
+from pipeline.report.rounding import counted
 from pipeline.vehicle import Vehicle
 
 #: What is fitted first; the drag of further sensor configurations joins it.
@@ -91,7 +92,7 @@ def fit(
         return refused(problem, sizes, reason, math.nan)
     reason, condition = refusal(problem), condition_index(problem)
     if not reason and problem.size <= len(first):
-        found, needed = f"{points.size} steady block(s)", len(first) + 1
+        found, needed = counted(points.size, "steady block"), len(first) + 1
         reason = f"{found} for {len(first)} corrections: at least {needed} are needed"
     if reason:
         return refused(problem, sizes, reason, condition)

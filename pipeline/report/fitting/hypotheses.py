@@ -23,10 +23,12 @@ from pipeline.report.fitting.evidence import Posterior, Prior, information, post
 from pipeline.report.fitting.experiment import Pair, experiment
 from pipeline.report.fitting.fit import select
 from pipeline.report.fitting.given import DEFAULT, Given
+from pipeline.report.fitting.halves import parts_of
 from pipeline.report.fitting.judgement import NOTHING, POSITIVE, STRONG, Judged, Tried, sentence
 from pipeline.report.fitting.observations import BALANCE, BatteryPositions, observe
 from pipeline.report.fitting.parameters import COEFFICIENTS
 from pipeline.report.fitting.regression import Problem
+from pipeline.report.rounding import counted
 from pipeline.vehicle import Vehicle
 
 #: A cause would be seen where one of its size moves the data by this χ² (3-sigma).
@@ -56,13 +58,16 @@ def rank(
     Returns
     -------
     dict
-        For summary.json: ``rows``, ``verdict`` (a sentence), ``named`` (the causes it leaves), ``hinted`` (more
+        For summary.json: ``rows``, ``untested`` (what these data cannot put to the test: ``reason``, ``names``
+        and ``words``), ``verdict`` (a sentence), ``named`` (the causes it leaves), ``hinted`` (more
         probable than nothing, but too little), ``hidden`` (in ordinary size these data could not show them),
         ``told_apart``, ``experiment``, and ``reason`` where there is no ranking.
     """
     chosen, reason = select(blocks, vehicle)
     if not reason and len(chosen) < LEAST:
-        reason = f"{len(chosen)} steady block(s): at least {LEAST} are needed to rank what may be wrong with them"
+        reason = (
+            f"{counted(len(chosen), 'steady block')}: at least {LEAST} are needed to rank what may be wrong with them"
+        )
     if reason:
         return _refusal(reason)
 
@@ -83,11 +88,11 @@ def rank(
         tried.append(Tried(cause, column, spread, prior, found, free, ratio))
     tried.sort(key=lambda one: (-one.ratio, one.cause.name))
     judged = _judged(problem, known, none, tried)
-    rows = judged.rows + [_untried(cause, problem) for cause in causes if cause not in possible]
     what = experiment(chosen, observed, known, judged.pairs, given.use_sensor) if judged.pairs else ""
     sigma, tau = water_of(given.settings)
     return {
-        "rows": rows,
+        "rows": judged.rows,
+        "untested": _untested([cause for cause in causes if cause not in possible], problem),
         "verdict": sentence(judged, what),
         "named": [one.cause.name for one in judged.apart or []],
         "hidden": [one.cause.name for one in (*judged.covered, *judged.unseen)],
@@ -174,10 +179,12 @@ def _untestable(cause: Cause, problem: Problem) -> str:
     if cause.unknown == "battery_neutral_position":
         unknown = [name for name in BALANCE if not math.isfinite(problem.model.vehicle[name])]
         return f"the vehicle file leaves {unknown[0]} unknown" if unknown else "no battery position is logged"
-    if cause.unknown == "thrust_scale":
-        return "no steady flight under propeller, or no thrust law"
-    if cause.unknown == "thrust_by_voltage":
-        return "no thrust, or no logged battery voltage that changes under propeller"
+    if cause.unknown in ("thrust_scale", "thrust_by_voltage"):
+        if not problem.points.powered.any():
+            return "no steady flight under propeller"
+        if "thrust_scale" not in problem.model.names:
+            return "the vehicle file has no thrust law"
+        return "no logged battery voltage that changes under propeller"
     return "no roll is logged"
 
 
@@ -272,19 +279,24 @@ def _pulls(problem: Problem, none: Posterior) -> list[dict[str, Any]]:
 def _verdict(one: Tried, apart: Sequence[Tried] | None, covered: Sequence[Tried], unseen: Sequence[Tried]) -> str:
     if apart is not None and one in apart:
         return "explains the difference" if len(apart) == 1 else "may explain the difference"
+    if apart is None and one.ratio >= POSITIVE:
+        return "hinted at"
     if one in unseen:
         return "would not be seen in these data"
     if one in covered:
         return "would lie within what is stated"
-    if apart is None:
-        return "hinted at" if one.ratio >= POSITIVE else "not needed"
-    return "not needed beside the better ones"
+    return "not needed" if apart is None else "not needed beside the better ones"
 
 
-def _untried(cause: Cause, problem: Problem) -> dict[str, Any]:
-    none = dict.fromkeys(("left_out_rmse_m_s", "ratio", "bic", "delta_bic", "weight", "seen_from"), math.nan)
-    reason = f"not tested: {_untestable(cause, problem)}"
-    return {"name": cause.name, "words": cause.words, "parameters": [], **none, "verdict": reason}
+def _untested(causes: Sequence[Cause], problem: Problem) -> list[dict[str, Any]]:
+    """Return why causes cannot be put to the test, and which of them for each reason."""
+    alike: dict[str, list[Cause]] = {}
+    for cause in causes:
+        alike.setdefault(_untestable(cause, problem), []).append(cause)
+    return [
+        {"reason": reason, "names": [one.name for one in those], "words": [one.words for one in those]}
+        for reason, those in alike.items()
+    ]
 
 
 def left_out(problem: Problem, prior: Prior, found: Posterior) -> float:
@@ -298,8 +310,10 @@ def left_out(problem: Problem, prior: Prior, found: Posterior) -> float:
     flight = problem.model.fly(found.x)
     rest, by_rest = problem.points.depth_rate - flight.depth_rate, flight.depth_rate_by @ prior.root
     squares = 0.0
-    for part in range(min(FOLDS, dives.size)):
-        outside = np.isin(problem.points.dive, dives[part::FOLDS])
+    count = min(FOLDS, dives.size)
+    part_of = parts_of(problem.points, count)
+    for part in range(count):
+        outside = part_of == part
         left, slope = problem.of(problem.points.only(~outside)).evaluate(found.x)
         slope = slope @ prior.root
         change = np.linalg.solve(slope.T @ slope + np.eye(found.y.size), -slope.T @ left - found.y)
@@ -310,6 +324,7 @@ def left_out(problem: Problem, prior: Prior, found: Posterior) -> float:
 def _refusal(reason: str) -> dict[str, Any]:
     return {
         "rows": [],
+        "untested": [],
         "verdict": f"What may be wrong cannot be ranked: {reason}.",
         "named": [],
         "hidden": [],

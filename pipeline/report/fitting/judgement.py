@@ -14,6 +14,8 @@ from pipeline.report.rounding import in_words
 NOTHING = "nothing"
 #: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
 POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
+#: What is moved by more than this many of its stated 1-sigma is strained.
+STRAINED = 2.0
 
 
 @dataclass(frozen=True)
@@ -71,19 +73,28 @@ def sentence(judged: Judged, what: str) -> str:
 def _nothing(judged: Judged, what: str) -> str:
     """Return the verdict in words where no cause is named."""
     moved = next(row["parameters"] for row in judged.rows if row["name"] == NOTHING)
-    words = "No reason beyond what is stated is needed: the 1σ of the vehicle and its instruments cover the difference"
-    if moved:
-        words += f"; {in_words(moved[0])} moves most, {abs(moved[0]['value']) / moved[0]['size']:.1f} of its stated 1σ"
-    words += "."
+    needed, cover = "No reason beyond what is stated is needed", "the 1σ of the vehicle and its instruments cover the"
+    pull = abs(moved[0]["value"]) / moved[0]["size"] if moved else 0.0
+    if pull > STRAINED:
+        most = f"{in_words(moved[0])}, {pull:.1f} of its stated 1σ"
+        words = f"{needed}, but what is stated is strained: {cover} difference only with {most}."
+    elif moved:
+        words = f"{needed}: {cover} difference; {in_words(moved[0])} moves most, {pull:.1f} of its stated 1σ."
+    else:
+        words = f"{needed}: {cover} difference."
     if judged.hinted:
         names = _listed([one.cause.words for one in judged.hinted], "or")
         words += f" {names} is hinted at, too weakly to be told from nothing."
-    if judged.covered:
-        names = _listed([one.cause.words for one in judged.covered], "or")
+    covered, unseen = (
+        [one.cause.words for one in group if one not in judged.hinted] for group in (judged.covered, judged.unseen)
+    )
+    if covered:
+        names = _listed(covered, "or")
         words += f" {names} of ordinary size would lie within what is stated."
-    if judged.unseen:
-        names = _listed([one.cause.words for one in judged.unseen], "or")
-        words += f" {names} of ordinary size would not be seen in these data; {what}."
+    if unseen:
+        words += f" {_listed(unseen, 'or')} of ordinary size would not be seen in these data; {what}."
+    elif judged.unseen:
+        words += f" To be told from nothing: {what}."
     return words
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.report.fitting.points import Array
 from pipeline.report.fitting.regression import Problem, Solution, solve
+from pipeline.report.rounding import counted
 
 #: Resamples of the bootstrap, and the dives that it takes at least.
 RESAMPLES, LEAST_DIVES = 400, 5
@@ -77,7 +78,7 @@ def bootstrap(problem: Problem, solution: Solution, *, resamples: int = RESAMPLE
     out: dict[str, Any] = {"resamples": 0, "dives": int(dives.size), "seed": seed, "std": [math.nan] * count}
     out |= {"interval_95": [[math.nan, math.nan]] * count, "reason": ""}
     if dives.size < LEAST_DIVES:
-        return out | {"reason": f"{dives.size} dive(s): at least {LEAST_DIVES} are needed"}
+        return out | {"reason": f"{counted(dives.size, 'dive')}: at least {LEAST_DIVES} are needed"}
     rng = np.random.default_rng(seed)
     scale, rows = problem.scale, problem.prior_rows(on_free=False)
     slope, left = solution.jacobian * scale, solution.residual

@@ -42,7 +42,7 @@ def test_battery_in_balance_asks_for_no_correction(petrel):
     ("change", "reason"),
     [
         ({}, "no battery position is logged"),
-        ({"battery_position": [0.01, 0.02] + [np.nan] * 46}, "2 block(s) with a battery position: 3 are needed"),
+        ({"battery_position": [0.01, 0.02] + [np.nan] * 46}, "2 blocks with a battery position: 3 are needed"),
     ],
 )
 def test_without_battery_positions_there_is_no_trim_and_a_reason(petrel, change, reason):

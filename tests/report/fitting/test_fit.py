@@ -156,7 +156,7 @@ def test_unknown_coefficients_are_named(unknown):
 
 def test_two_blocks_are_too_few_for_two_corrections(exact):
     reason = solve(exact, blocks(dives=1, each=1))["reason"]
-    assert reason == "2 steady block(s) for 2 corrections: at least 3 are needed"
+    assert reason == "2 steady blocks for 2 corrections: at least 3 are needed"
 
 
 def test_one_dive_only_leaves_none_out(exact):
@@ -176,3 +176,17 @@ def test_blocks_may_come_in_any_order(exact):
     table = blocks(dives=4)
     shuffled = table.sample(frac=1.0, random_state=3)
     assert values(solve(exact, shuffled)) == values(solve(exact, table))
+
+
+@pytest.mark.parametrize(
+    ("astray", "sentence"),
+    [
+        ([3], "1 of 48 values is an outlier and counts for less (Huber's loss): block 3"),
+        ([3, 43], "2 of 48 values are outliers and count for less (Huber's loss): blocks 3, 43"),
+        ([], ""),
+    ],
+)
+def test_outliers_are_told_by_number_and_block(exact, astray, sentence):
+    table = blocks(dives=6)
+    table.loc[table["block"].isin(astray), "depth_rate"] += 0.5
+    assert solve(exact, table)["robust"]["sentence"] == sentence

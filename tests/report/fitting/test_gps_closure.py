@@ -9,10 +9,14 @@ from hypothesis import strategies as st
 from voyages import drift, passages, records
 
 from pipeline.records import seconds
-from pipeline.report.fitting.closure import UNDETERMINED, close
+from pipeline.report.fitting import closure
+from pipeline.report.fitting.closure import FREER, HELD, UNDETERMINED, close
 from pipeline.report.fitting.passages import find, through_water
 
 HEADINGS = st.lists(st.floats(0.0, 2.0 * math.pi), min_size=4, max_size=8)
+
+
+prior = closure._prior
 
 
 def velocities(headings: list[float], speed: float = 0.3) -> np.ndarray:
@@ -20,7 +24,7 @@ def velocities(headings: list[float], speed: float = 0.3) -> np.ndarray:
 
 
 def test_two_opposite_headings_give_half_the_difference_over_ground() -> None:
-    through = velocities([0.7, 0.7 + math.pi])
+    through = velocities([0.7, 0.7 + math.pi] * 3)
     found = close(*passages(through, 1.4 * through + (0.2 - 0.1j)))
     assert found.beta == pytest.approx(0.4, abs=1e-3)
     assert found.turn == pytest.approx(0.0, abs=1e-3)
@@ -38,7 +42,7 @@ def test_a_compass_that_reads_too_little_shows_as_a_turn_and_not_as_a_speed() ->
 
 
 def test_a_compass_error_in_the_logs_comes_out_with_its_sign() -> None:
-    table = records([(0.0,), (2.0,), (4.0,), (5.5, 1.0)], speed=0.3, compass=math.radians(10.0))
+    table = records([(0.0,), (2.0,), (4.0,), (5.5,), (1.0,), (3.0, 1.0)], speed=0.3, compass=math.radians(10.0))
     found = find(table)
     result = close(found, through_water(found, seconds(table["time"]), np.full(len(table), 0.25)))
     assert math.degrees(result.turn) == pytest.approx(10.0, abs=1.0)
@@ -58,8 +62,46 @@ def test_one_heading_tells_nothing_and_says_so() -> None:
 
 def test_one_passage_tells_nothing_and_says_so() -> None:
     found = close(*passages(velocities([1.0]), np.array([0.2 + 0.2j])))
-    assert found.reason == "one passage: a current does all that a wrong speed does"
+    assert found.reason.startswith("one passage: a current does all that a wrong speed does (1-sigma of β 3.3")
     assert math.isnan(found.beta)
+
+
+def test_what_the_current_was_assumed_to_be_is_not_told_as_a_measurement() -> None:
+    """On one heading β is as uncertain as the current, and of two passages nothing tells how much it changes."""
+    rng = np.random.default_rng(2)
+    for headings, shown in (([1.0] * 8, "8 passages"), ([1.0, 1.0 + math.pi], "2 passages")):
+        through = velocities(headings)
+        found = close(*passages(through, 1.1 * through + drift(rng, through.size, 0.05, 2e4)))
+        assert found.assumed > 0.8
+        assert math.isnan(found.beta)
+        assert found.reason.startswith(shown)
+        assert "what was assumed of the current decides β, not the fixes" in found.reason
+        assert found.reason.endswith("more passages on reciprocal headings would tell")
+
+
+def test_the_share_of_what_was_assumed_falls_with_passages_on_reciprocal_headings() -> None:
+    shares = []
+    for pairs in (1, 2, 4, 8):
+        through = velocities([0.5, 0.5 + math.pi] * pairs)
+        over = 1.1 * through + drift(np.random.default_rng(3), through.size, 0.05, 2e4)
+        shares.append(close(*passages(through, over)).assumed)
+    assert shares == sorted(shares, reverse=True)
+    assert shares[1] < HELD
+    assert 0.0 <= shares[-1] < 0.1
+
+
+@pytest.mark.parametrize("headings", [[1.0, 1.3, 0.8], [0.0, 2.0, 4.0, 1.0, 5.0]])
+def test_the_share_of_what_was_assumed_is_how_the_interval_follows_it(
+    headings: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The 1-sigma with everything assumed of the current twice as strong from the start."""
+    through = velocities(headings)
+    over = 1.1 * through + drift(np.random.default_rng(5), through.size, 0.05, 2e4)
+    before = close(*passages(through, over))
+    monkeypatch.setattr(closure, "ANY", closure.ANY * FREER)
+    monkeypatch.setattr(closure, "_prior", lambda current, freedom: prior(current, FREER * freedom))
+    after = close(*passages(through, over))
+    assert after.beta_std == pytest.approx(before.beta_std * FREER**before.assumed, rel=1e-6)
 
 
 def test_a_model_without_speed_is_named() -> None:

@@ -15,7 +15,7 @@ from pipeline.report.fitting.experiment import candidates
 from pipeline.report.fitting.fit import select
 from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank, together
-from pipeline.report.fitting.judgement import NOTHING
+from pipeline.report.fitting.judgement import NOTHING, Judged, Tried, sentence
 from pipeline.report.fitting.observations import BatteryPositions, observe
 from pipeline.vehicle import Coefficient, Vehicle
 
@@ -180,13 +180,19 @@ def test_turning_flight_is_tried_where_roll_is_logged(sure):
 
 
 def test_causes_that_cannot_be_tried_say_why(sure, unknown):
-    rows = {row["name"]: row["verdict"] for row in ranked(sure, blocks(dives=2))["rows"]}
-    assert rows["battery trim"] == "not tested: no battery position is logged"
-    assert rows["thrust loss"] == "not tested: no steady flight under propeller, or no thrust law"
-    assert rows["turning flight"] == "not tested: no roll is logged"
+    found = ranked(sure, blocks(dives=2))
+    untested = {words: row["reason"] for row in found["untested"] for words in row["words"]}
+    assert untested == {
+        "Battery trim": "no battery position is logged",
+        "Loss of thrust": "no steady flight under propeller",
+        "Thrust that follows the battery's voltage": "no steady flight under propeller",
+        "Turning flight": "no roll is logged",
+    }
+    assert len({row["reason"] for row in found["untested"]}) == len(found["untested"]) == 3
+    assert not {"battery trim", "thrust loss", "battery voltage", "turning flight"} & {r["name"] for r in found["rows"]}
     blind = replace(sure, coefficients={k: v for k, v in sure.coefficients.items() if k != "moment_slope"})
-    rows = {row["name"]: row["verdict"] for row in ranked(blind, blocks(dives=2))["rows"]}
-    assert rows["battery trim"] == "not tested: the vehicle file leaves moment_slope unknown"
+    untested = {words: row["reason"] for row in ranked(blind, blocks(dives=2))["untested"] for words in row["words"]}
+    assert untested["Battery trim"] == "the vehicle file leaves moment_slope unknown"
     refused = ranked(unknown, blocks(dives=2))
     assert refused["reason"] == "the vehicle file leaves parasite_drag unknown"
     assert refused["rows"] == []
@@ -213,11 +219,11 @@ def test_more_dives_show_smaller_changes(sure):
     )
     for name in ("sensor drag", "buoyancy error", "pitch bias", "water motion"):
         assert 0.0 < many[name] < few[name]
-    assert math.isnan(many["turning flight"])  # flown without roll
+    assert "turning flight" not in many  # flown without roll
 
 
 def test_two_blocks_are_too_few(sure):
-    assert ranked(sure, blocks(dives=1, each=1))["reason"].startswith("2 steady block(s): at least 3 are needed")
+    assert ranked(sure, blocks(dives=1, each=1))["reason"].startswith("2 steady blocks: at least 3 are needed")
 
 
 def test_with_one_dive_none_is_left_out(sure):
@@ -273,3 +279,32 @@ def test_experiments_fit_what_was_flown():
     up = [words for words, _table, _sensor in candidates(blocks(dives=2, sides=(1,), powered_climbs=True), True)]
     assert up[0] == "dives flown like the climbs"
     assert "the same flown again with the propeller off" in up
+
+
+def no_reason(pull, hinted=(), unseen=()):
+    """Return the verdict where no cause is named, drag moved by `pull` of its 1-sigma."""
+    drag = {"symbol": "ΔK_D0", "value": 0.35 * pull, "std": 0.13, "unit": "kg/m", "percent": 10 * pull,
+            "percent_std": 3.8, "size": 0.35}  # fmt: skip
+    by_name = {cause.name: cause for cause in CAUSES}
+    tried = {
+        name: Tried(by_name[name], 0, 1.0, None, None, None, 4.0 * (name in hinted)) for name in {*hinted, *unseen}
+    }
+    rows = [{"name": NOTHING, "parameters": [drag]}]
+    judged = Judged(rows, list(tried.values()), None, [], [tried[name] for name in unseen], [])
+    return sentence(judged, "more would tell")
+
+
+def test_what_is_stated_is_called_strained_where_it_covers_the_difference_only_beyond_2_sigma():
+    assert "cover the difference; ΔK_D0" in no_reason(1.5)
+    strained = no_reason(2.6)
+    assert "but what is stated is strained" in strained
+    assert strained.endswith("cover the difference only with ΔK_D0 = +0.91 ± 0.13 kg/m (+26.0 ± 3.8 %), 2.6 of its "
+                             "stated 1σ.")  # fmt: skip
+
+
+def test_a_cause_that_is_hinted_at_is_not_called_unseen_in_the_same_breath():
+    verdict = no_reason(0.5, hinted=("water motion",), unseen=("water motion", "pitch bias"))
+    assert "Motion of the water is hinted at" in verdict
+    assert "A bias of pitch of ordinary size would not be seen in these data; more would tell." in verdict
+    assert verdict.count("otion of the water") == 1
+    assert no_reason(0.5, ("water motion",), ("water motion",)).endswith("To be told from nothing: more would tell.")

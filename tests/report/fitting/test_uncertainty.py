@@ -83,7 +83,7 @@ def test_bootstrap_is_the_same_every_time_and_needs_five_dives(exact):
     problem, solution = solved(exact, dives=6)
     assert bootstrap(problem, solution) == bootstrap(problem, solution)
     few = bootstrap(*solved(exact, dives=3))
-    assert few["reason"] == "3 dive(s): at least 5 are needed"
+    assert few["reason"] == "3 dives: at least 5 are needed"
     assert math.isnan(few["std"][0])
 
 
