@@ -49,10 +49,12 @@ class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
         sine, cosine = math.sin(gamma), math.cos(gamma)
         slowing = 0.0 if math.isnan(met) or surfaced else met * dt / v
         turned = 0.0
-        if surfaced or (quick and series.loose[k]):
-            drift = s.speed_drift_loose
+        if surfaced:
+            drift = s.speed_drift_surface
+        elif quick and series.gentle[k]:
+            drift = s.speed_drift_gentle
         elif quick:
-            drift = s.speed_drift_manoeuvre + s.speed_turn * series.turning[k]
+            drift = s.speed_drift_manoeuvre + s.speed_turn * series.turning[k] + s.initial_speed**2 * series.loose[k]
         elif math.isnan(met):
             drift = s.speed_drift_blind
         else:
@@ -69,7 +71,7 @@ class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
         turning = s.pitch_drift_manoeuvre if quick else s.pitch_drift
         sigma, tau = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
         if powered:
-            sigma, tau = max(sigma, SPAN * abs(alpha)), s.slip_time_powered if series.gentle[k] else tau
+            sigma, tau = max(sigma, SPAN * abs(alpha)), s.slip_time_powered if series.gentle[k] and not quick else tau
         if not steady:
             sigma = max(sigma, s.slip_manoeuvre)
         phi_w, phi_s = math.exp(-dt / s.tau_w), math.exp(-dt / tau)
@@ -77,6 +79,8 @@ class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
         s_weight, s_var, s_cov, s_int = integrated(sigma, tau, dt, phi_s)
         z_v, z_t, z_s = -sine, -v * cosine * (1.0 - share * by_pitch), v * cosine
         rate = -v * sine
+        if series.cruising[k]:
+            z_v = 0.0
         if surfaced:
             rate = z_v = z_t = z_s = w_weight = w_cov = w_int = 0.0
         self.F = np.array(

@@ -237,10 +237,14 @@ def _fill(
         rate = -v * sine
         z_v, z_t, z_s = -sine - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
         turned = 0.0
-        if surfaced or (quick and course.loose[k]):
-            q_v = s.speed_drift_loose
+        if cruising:  # depth bears no speed in level flight: only how far the path is off level
+            z_v = 0.0
+        if surfaced:
+            q_v = s.speed_drift_surface
+        elif quick and gentle:
+            q_v = s.speed_drift_gentle
         elif quick:
-            q_v = s.speed_drift_manoeuvre + s.speed_turn * course.turning[k]
+            q_v = s.speed_drift_manoeuvre + s.speed_turn * course.turning[k] + s.initial_speed**2 * course.loose[k]
         elif math.isnan(met):
             q_v = s.speed_drift_blind * s.unsteadiness
         else:
@@ -255,7 +259,7 @@ def _fill(
         sigma_s, tau_s = (s.slip_manoeuvre, s.slip_time_manoeuvre) if quick else (s.slip, s.slip_time)
         if powered:
             sigma_s = max(sigma_s, SPAN * abs(slopes.alpha[k]))
-            if gentle:
+            if gentle and not quick:
                 tau_s = s.slip_time_powered
         if not steady:
             sigma_s = max(sigma_s, s.slip_manoeuvre)
@@ -310,7 +314,7 @@ def _fill(
             if n > CRUISE:
                 q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
             if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
-                q[SPEED] = s.speed_drift_loose * dt
+                q[SPEED] = s.speed_drift_surface * dt
         if not powered and not surfaced:
             for i in range(c):
                 b[0, 2 + i] = v * cosine * changes[k, i] * dt

@@ -34,6 +34,10 @@ TURNED, PUMPED, LEAKED = np.radians(0.3), 2e-3, 3e-7
 GAP = 2.5
 #: Sinking nose up or rising nose down faster than this (m/s, times sin θ) is not flight.
 BACKWARDS = 0.02
+#: A gap in pitch longer than this (s), with pitch this far apart (rad) at its ends, hides a turn.
+BLIND, UNSEEN = 15.0, np.radians(5.0)
+#: V comes to be anything in no less than this (s).
+QUICKEST = 25.0
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class Series:
     powered: np.ndarray  # bool
     manoeuvre: np.ndarray  # bool: pitch, engine or propeller changing, or unknown
     turning: np.ndarray  # rad/s, |rate of pitch|
-    loose: np.ndarray  # bool: the engine at work or not logged, the propeller switched, surface or a pause just there
+    loose: np.ndarray  # 1/s, one over how long nothing bounds V: engine at work or not logged, propeller switched, …
     gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
     afloat: np.ndarray  # bool: at the surface, or breaking it
@@ -109,11 +113,10 @@ def from_records(records: pd.DataFrame) -> Series:
     turning, pumping = np.abs(_rate(time, pitch_guess, 12.0)), _pumping(time, records)
     logged = bool(np.isfinite(records["buoyancy_volume"]).any())
     switched = near(time, np.diff(driven, prepend=driven[:1]), AFTER, AFTER)
-    hidden = (rate * np.sin(pitch_guess) > BACKWARDS) | (np.diff(time, append=time[-1]) > PAUSE)
-    hidden |= phase == Phase.UNKNOWN
+    hidden = (rate * np.sin(pitch_guess) > BACKWARDS) | (np.diff(time, append=time[-1]) > PAUSE) | _unseen(time, pitch)
     manoeuvre = _manoeuvre(time, (turning > TURNED) | pumping | hidden, phase, driven)
     manoeuvre |= near(time, leaping, BEFORE, AFTER)
-    loose = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER) | near(time, surfaced, AFTER, AFTER)
+    free = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER) | near(time, surfaced, AFTER, AFTER)
     gentle = driven & ~switched
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
@@ -133,7 +136,7 @@ def from_records(records: pd.DataFrame) -> Series:
         powered=driven,
         manoeuvre=manoeuvre,
         turning=turning,
-        loose=loose,
+        loose=_loose(time, free & manoeuvre & ~surfaced),
         gentle=gentle,
         surfaced=surfaced,
         afloat=surfaced | (depth_guess < AFLOAT),
@@ -194,10 +197,32 @@ def _pumping(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
     return np.asarray(np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(PUMPED * stroke, LEAKED))
 
 
+def _unseen(time: np.ndarray, pitch: np.ndarray) -> np.ndarray:
+    """Return where pitch is not measured and turned meanwhile, boolean of shape (m,)."""
+    known = np.flatnonzero(np.isfinite(pitch))
+    hidden = np.zeros(time.size, dtype=bool)
+    if known.size < 2:
+        return hidden
+    gap = np.diff(time[known])
+    turned = (gap > max(BLIND, GAP * float(np.median(gap)))) & (np.abs(np.diff(pitch[known])) > UNSEEN)
+    for k in np.flatnonzero(turned):
+        hidden[known[k] : known[k + 1]] = True
+    return hidden
+
+
+def _loose(time: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return one over the length of each stretch that is `free`, 1/s, at least `QUICKEST`, and 0 elsewhere, (m,)."""
+    rate = np.zeros(time.size)
+    ends = np.flatnonzero(np.diff(free, prepend=False, append=False))
+    for start, end in ends.reshape(-1, 2):
+        rate[start:end] = 1.0 / max(float(time[min(end, time.size - 1)] - time[start]), QUICKEST)
+    return rate
+
+
 def _manoeuvre(time: np.ndarray, changing: np.ndarray, phase: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Return where the vehicle is not in steady flight, with a margin of some time constants on either side."""
     changing = changing | np.diff(driven, prepend=driven[:1])
-    changing |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.SURFACING))
+    changing |= np.isin(phase, (Phase.INFLEXION, Phase.TRANSITION, Phase.UNKNOWN, Phase.SURFACING))
     powered_margin, margin = near(time, changing, BEFORE, AFTER_POWERED), near(time, changing, BEFORE, AFTER)
     return np.asarray(np.where(driven, powered_margin, margin))
 

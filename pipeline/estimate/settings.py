@@ -28,7 +28,8 @@ class Settings(NamedTuple):
     speed_drift_blind: float = 2e-5  # m2/s3, the same where density is not known
     speed_drift_manoeuvre: float = 3e-5  # m2/s3
     speed_turn: float = 0.05  # m2/s2, random walk of V in manoeuvres per radian of pitch
-    speed_drift_loose: float = 1e-2  # m2/s3, at the surface and while the engine works: V may come to be anything
+    speed_drift_gentle: float = 3e-4  # m2/s3, in manoeuvres under steady power
+    speed_drift_surface: float = 1e-2  # m2/s3, at the surface: what V was there says nothing about the dive
     stratification: float = 0.04  # m3/kg, relative change of V per change of density that κ leaves, as a random walk
     pitch_share: float = 0.3  # 1-sigma of what V does when the pitch wanders over what a steady glide's would do
     response: float = 0.02  # m5/s2/kg, κ: loss of V²/2 per change of density met, g·volume·sin γ/2K_D0; its 1-sigma

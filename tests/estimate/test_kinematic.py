@@ -11,7 +11,7 @@ from dives import fly
 from truth import Trial
 
 from pipeline.estimate import stage
-from pipeline.estimate.linearise import FOLLOWED, SPEED, Considered, Sources, Trajectory, follow, linearise
+from pipeline.estimate.linearise import CRUISE, FOLLOWED, SPEED, Considered, Sources, Trajectory, follow, linearise
 from pipeline.estimate.settings import Settings
 from pipeline.mission import Mission
 from pipeline.model.steady import trim_at_pitch
@@ -308,3 +308,18 @@ def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> Non
     assert gained.min() > 0.0
     np.testing.assert_allclose(driven.rows[:-1, 1, SPEED] - 1.0, FOLLOWED[0] * gained, rtol=1e-9)
     np.testing.assert_allclose(driven.shift[:-1, 1, 2], 0.5 * FOLLOWED[1] * gained, rtol=1e-9)
+
+
+def test_the_speed_of_a_cruise_moves_the_position_and_not_the_depth() -> None:
+    """At 3° of pitch depth would tell V by a twentieth, and what is wrong with the pitch would be taken for speed."""
+    time, polar, pitch = np.arange(0.0, 40.0, 4.0), load("petrel-ii").polar, 0.05
+    still = replace(arrays.series(time, pitch), powered=np.ones(time.size, dtype=bool), heading=np.zeros(time.size))
+    at = Trajectory(np.full(time.size, 0.8), still.pitch, np.zeros(time.size), np.zeros(time.size))
+    cruise, other = (
+        linearise(series, follow(series, polar, at, None), Settings(), Sources(False, True))
+        for series in (replace(still, cruising=np.full(time.size, on)) for on in (True, False))
+    )
+    np.testing.assert_array_equal(cruise.rows[:-1, 0, [SPEED, CRUISE]], 0.0)
+    np.testing.assert_allclose(other.rows[:-1, 0, SPEED], -4.0 * np.sin(pitch))
+    np.testing.assert_allclose(cruise.rows[:-1, 3, CRUISE], 4.0 * np.cos(pitch))
+    np.testing.assert_allclose(cruise.shift[:-1, 0, 0], other.shift[:-1, 0, 0] - 4.0 * 0.8 * np.sin(pitch))

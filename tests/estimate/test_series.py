@@ -67,12 +67,16 @@ def test_pitch_turns_as_fast_as_it_was_turned() -> None:
     np.testing.assert_allclose(turning[[500, 700]], 0.0, atol=1e-12)
 
 
-def test_speed_is_loose_where_the_engine_works_and_where_it_is_not_known_to_rest() -> None:
+def test_speed_comes_to_be_anything_once_where_the_engine_works_or_is_not_known_to_rest() -> None:
     time = np.arange(1200.0)
-    assert from_records(flight()).loose.all()  # no engine is logged
+    turned = np.where(time < 600.0, -0.4, 0.4)
+    rises = 120.0 - 0.2 * np.abs(time - 600.0)
+    unlogged = from_records(flight(pitch=turned, depth=rises, pressure=rises))  # no engine is logged
+    np.testing.assert_array_equal(unlogged.loose > 0.0, unlogged.manoeuvre)
     stroke = 4e-4 * np.clip((time - 600.0) / 80.0, 0.0, 1.0)
     working = from_records(flight(buoyancy_volume=stroke)).loose
-    assert working[605:675].all()
+    assert (working[605:675] > 0.0).all()
+    assert np.sum(working) == pytest.approx(1.0), "per second, at a record a second: once"
     assert not working[20:590].any()
     assert not working[700:].any()
     at_rest = {"buoyancy_volume": np.full(1200, 4e-4)}
@@ -84,6 +88,20 @@ def test_speed_is_loose_where_the_engine_works_and_where_it_is_not_known_to_rest
     ):
         assert found[begin + 10]
         assert not found[begin + int(AFTER) + 5 :].any()
+
+
+def test_a_gap_that_hides_a_turn_of_pitch_is_a_manoeuvre() -> None:
+    time = np.arange(1200.0)
+    logged = {"buoyancy_volume": np.full(1200, 4e-4)}
+    for turn, hidden in ((0.4, True), (0.0, False)):
+        pitch = -0.4 - turn * (time > 600.0)
+        pitch[580:620] = np.nan
+        found = from_records(flight(pitch=pitch, **logged))
+        assert found.manoeuvre[580:620].all() == hidden
+        assert (found.loose[580:620] > 0.0).all() == hidden
+        assert not found.loose[:540].any()
+    often = np.where(time % 30.0 == 0.0, -0.4 - 0.002 * time, np.nan)  # a sample every half a minute hides nothing
+    assert not from_records(flight(pitch=often, **logged)).loose[100:-100].any()
 
 
 def test_sinking_nose_up_is_a_manoeuvre() -> None:
