@@ -77,7 +77,7 @@ class Glider(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy is untyped
         phi_w, phi_s = math.exp(-dt / s.tau_w), math.exp(-dt / tau)
         w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
         s_weight, s_var, s_cov, s_int = integrated(sigma, tau, dt, phi_s)
-        z_v, z_t, z_s = -sine, -v * cosine * (1.0 - share * by_pitch), v * cosine
+        z_v, z_t, z_s = -math.sin(gamma + slip), -v * cosine * (1.0 - share * by_pitch), v * cosine
         rate = -v * sine
         if series.cruising[k]:
             z_v = 0.0

@@ -99,6 +99,8 @@ class Slopes(NamedTuple):
     turned: np.ndarray  # by how much V changes with pitch until the next instant, relative
     sine: np.ndarray  # of γ
     cosine: np.ndarray
+    sine_held: np.ndarray  # of γ without δ: as V changes, V δ is held, lest V grow so that a smaller δ does
+    cosine_held: np.ndarray
     turn_v: np.ndarray  # ∂γ/∂V, s/m
     turn_t: np.ndarray  # ∂γ/∂θ; ∂γ/∂δ = −1
 
@@ -201,6 +203,7 @@ def _follow(
         slopes.alpha[k], slopes.steady[k], slopes.by_turn[k] = alpha, steady, by_turn
         slopes.turned[k] = followed * by_turn * (at.pitch[k + 1] - pitch) if k < m - 1 else 0.0
         slopes.sine[k], slopes.cosine[k] = sine, cosine
+        slopes.sine_held[k], slopes.cosine_held[k] = math.sin(gamma + at.slip[k]), math.cos(gamma + at.slip[k])
         slopes.turn_v[k], slopes.turn_t[k] = -share * by_speed, 1.0 - share * by_pitch
         for i in range(c):
             changes[k, i] = 0.0 if powered else change_of_glide(moved[i], known[i], v, pitch)
@@ -235,7 +238,7 @@ def _fill(
         met = course.stratification[k]
         slowing = 0.0 if math.isnan(met) or surfaced or cruising else met
         rate = -v * sine
-        z_v, z_t, z_s = -sine - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
+        z_v, z_t, z_s = -slopes.sine_held[k] - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
         turned = 0.0
         if cruising:  # depth bears no speed in level flight: only how far the path is off level
             z_v = 0.0
@@ -297,7 +300,7 @@ def _fill(
             q[SPEED] += s.initial_speed**2
         if n > EAST:
             along = (math.sin(course.heading[k]), math.cos(course.heading[k]))
-            x_v = cosine - v * sine * turn_v
+            x_v = slopes.cosine_held[k] - v * sine * turn_v
             x_t, x_s = -v * sine * turn_t, v * sine
             if surfaced:
                 x_v, x_t, x_s = 0.0, 0.0, 0.0

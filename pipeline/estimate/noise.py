@@ -82,13 +82,15 @@ def likeliest(
 ) -> tuple[Settings, np.ndarray]:
     """Return settings with the noise levels `SEARCHED` at their most probable values, and what is open of those.
 
-    As from `most_probable`, by the kinematic model along the trajectory `at`.
+    As from `most_probable`, by the kinematic model along the trajectory `at`; in manoeuvres V may be anything, lest
+    what the vehicle does be taken for the water's motion.
     """
     calm = replace(series, manoeuvre=series.manoeuvre | _unsettled(series.time, series.manoeuvre))
     settings, along = settings._replace(sigma_w=WATER), follow(calm, polar, at)
 
     def log_likelihood(trial: Settings) -> float:
-        return kalman.log_likelihood(linearise(calm, along, trial, Sources(speed, fixes=False)))
+        free = trial._replace(speed_drift_manoeuvre=trial.speed_drift_surface)
+        return kalman.log_likelihood(linearise(calm, along, free, Sources(speed, fixes=False)))
 
     return most_probable(settings, settings, SEARCHED, log_likelihood, each)
 

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
 from pipeline.estimate.linearise import Sources, follow, linearise
-from pipeline.estimate.noise import covariance, fill_left_open, levelled, moved, noise_from
+from pipeline.estimate.noise import SEARCHED, WATER, covariance, fill_left_open, levelled, moved, noise_from
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
@@ -177,3 +177,12 @@ def test_what_the_data_do_not_tell_is_as_open_as_before() -> None:
     np.testing.assert_allclose(known, np.eye(2), atol=1e-9)
     saddle = covariance(lambda u: 0.5 * float(u[0] ** 2 - u[1] ** 2), np.zeros(2), np.eye(2))
     np.testing.assert_allclose(saddle, np.eye(2), atol=1e-9)
+
+
+def test_what_a_vehicle_does_in_manoeuvres_is_not_taken_for_the_water() -> None:
+    """Dives so short that the engine works throughout: w_w of 2 mm/s stays as it was thought to be before, 1.5 cm/s."""
+    flown = dives.fly(1, dives=((30.0, 12.0, 50.0),) * 4, every=5, water=(0.002, 300.0))
+    series = from_records(flown.records)
+    assert series.manoeuvre.all()
+    model = kinematic.prepare(series, flown.vehicle, flown.mission, smoother.solve, fixes=False)
+    assert model.noise.settings.sigma_w < WATER * np.exp(SEARCHED["sigma_w"] ** 2), "the mean of what is thought before"
