@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.ballast import Hull, latitude
-from pipeline.estimate.series import increasing, potential_density
+from pipeline.estimate.series import held, increasing, potential_density
 from pipeline.mission import Mission
 from pipeline.model.exchange import carried, lagged
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
@@ -86,8 +86,8 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             -weight_around(records, time, body, gravity),
             np.zeros(time.size),
             density,
-            records["propeller_speed"].ffill().fillna(0.0).to_numpy(),
-            _power(records, vehicle),
+            np.nan_to_num(held(time, records["propeller_speed"].to_numpy())),
+            _power(records, time, vehicle),
             gravity * density * _unrecorded(time, records["buoyancy_volume"].to_numpy()),
         ),
         "",
@@ -156,11 +156,11 @@ def weight_around(records: pd.DataFrame, time: np.ndarray, body: Hull, gravity: 
     return np.asarray(gravity * body.volume * np.nan_to_num(_between(time, potential_density(records))))
 
 
-def _power(records: pd.DataFrame, vehicle: Vehicle) -> np.ndarray:
+def _power(records: pd.DataFrame, time: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     """Return the propeller's power, W, where thrust follows from it: without a law or a record of its speed."""
     if vehicle.disk is None or (vehicle.propeller is not None and records["propeller_speed"].notna().any()):
         return np.zeros(len(records))
-    return np.asarray(np.maximum(records["propeller_power"].ffill().fillna(0.0).to_numpy(), 0.0))
+    return np.asarray(np.maximum(np.nan_to_num(held(time, records["propeller_power"].to_numpy())), 0.0))
 
 
 def _unrecorded(time: np.ndarray, volume: np.ndarray) -> np.ndarray:

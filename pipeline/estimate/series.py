@@ -36,6 +36,8 @@ GAP = 2.5
 BACKWARDS = 0.02
 #: A gap in pitch longer than this (s), with pitch this far apart (rad) at its ends, hides a turn.
 BLIND, UNSEEN = 15.0, np.radians(5.0)
+#: Settings reported more often than this (s) are reported whether they change or not.
+REGULAR = 60.0
 #: V comes to be anything in no less than this (s).
 QUICKEST = 25.0
 
@@ -85,10 +87,34 @@ class Series:
         return bool(np.isfinite(self.east).sum() >= 2) and self.heading_known
 
 
+def held(time: np.ndarray, reported: np.ndarray) -> np.ndarray:
+    """Return a setting between its reports, shape (m,): NaN before the first.
+
+    Where reports come regularly it has changed in the middle between two, as far as anyone knows; else it was reported
+    when it changed.
+
+    Parameters
+    ----------
+    time
+        s, increasing, shape (m,).
+    reported
+        The setting, NaN where it is not reported, shape (m,).
+    """
+    known = np.flatnonzero(np.isfinite(reported))
+    if not known.size:
+        return np.full(time.size, np.nan)
+    begins, gap = time[known], np.diff(time[known])
+    usual = float(np.median(gap)) if gap.size else math.inf
+    if usual < REGULAR:
+        begins[1:] -= np.where(gap < GAP * usual, 0.5 * gap, 0.0)
+    last = np.searchsorted(begins, time, side="right") - 1
+    return np.where(last < 0, np.nan, reported[known[np.maximum(last, 0)]])
+
+
 def powered(records: pd.DataFrame) -> np.ndarray:
-    """Return where the propeller drives the vehicle, boolean of shape (m,); settings hold until the next report."""
-    speed = records["propeller_speed"].ffill().to_numpy()
-    power = records["propeller_power"].ffill().to_numpy()
+    """Return where the propeller drives the vehicle, boolean of shape (m,), by its setting as `held`."""
+    time = increasing(seconds(records["time"]))
+    speed, power = (held(time, records[name].to_numpy()) for name in ("propeller_speed", "propeller_power"))
     with np.errstate(invalid="ignore"):
         return np.asarray((speed > TURNING) | (~np.isfinite(speed) & (power > DRIVING)))
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.series import AFTER, BEFORE, from_records, increasing, powered
+from pipeline.estimate.series import AFTER, BEFORE, from_records, held, increasing, powered
 from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
 
 
@@ -116,6 +116,19 @@ def test_a_propeller_setting_holds_until_the_next_report() -> None:
     assert not on[:300].any()
     assert not on[900:].any()
     assert powered(flight(propeller_power=np.where(np.arange(1200) > 600, 5.0, -0.1)))[601:].all()
+
+
+def test_a_setting_reported_regularly_has_changed_in_the_middle_between_two_reports() -> None:
+    time = np.arange(1200.0)
+    value = np.where(time > 603.0, 13.0, 0.0)
+    for spacing in (1.0, 8.0, 30.0):
+        found = held(time, np.where(time % spacing == 0.0, value, np.nan))
+        after = spacing * np.ceil(604.0 / spacing)
+        np.testing.assert_array_equal(found, np.where(time >= after - 0.5 * spacing, 13.0, 0.0))
+    lost = np.where((time % 8.0 == 0.0) & ((time < 500.0) | (time > 700.0)), value, np.nan)
+    assert not held(time, lost)[:704].any(), "across a gap in the reports it holds"
+    assert np.isnan(held(time, np.full(1200, np.nan))).all()
+    assert np.isnan(held(time, np.where(time == 50.0, 1.0, np.nan))[:50]).all()
 
 
 def test_flagged_measurements_are_not_taken() -> None:
