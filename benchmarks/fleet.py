@@ -2,7 +2,8 @@
 
 A seed gives a vehicle, a mission, a sea and a set of instruments. The vehicle that flies has coefficients of its own,
 drawn around those of its file with their stated 1-sigma; the estimator gets the file. The pitch bias and the constant
-part of net buoyancy are drawn with the 1-sigma that the mission states.
+part of net buoyancy are drawn with the 1-sigma that the mission states; the water that its fairing carries along, of
+which no file says anything, as widely as the estimator takes it to be open.
 
 Vehicles are all those of the package whose lift, drag, mass and hull are known. What the simulated dynamics need
 beyond that and a file leaves unknown is made up: pitching moments as Petrel-II's in proportion to the lift slope, pitch
@@ -37,6 +38,7 @@ from pipeline.findings import InputError
 from pipeline.ingest import ingest
 from pipeline.mission import Mission, PitchCorrection
 from pipeline.model.closure import glide_angle
+from pipeline.model.exchange import CARRIED_STD, FLUSHING_BEFORE
 from pipeline.model.forces import GRAVITY
 from pipeline.model.steady import trim_at_pitch
 from pipeline.plan import Plan, Sea, Stage, Water, engine_volume
@@ -70,6 +72,8 @@ TURNING_DEG_S = 1.5
 BOTTOM_HEAVY = 2.5
 #: A thermocline of this, K, is as weak as it is made.
 WEAK = 0.5
+#: What nobody states, and the estimator takes from a prior of its own: the water a fairing carries along.
+FAIRING = ("carried_water", "flushing_time")
 #: Seeds of one Latin hypercube.
 CUBE = 200
 #: So many missions with one seed are drawn before it is given up.
@@ -165,7 +169,8 @@ def standard_normal(seed: int, again: int = 0) -> dict[str, float]:
 @functools.cache
 def _names() -> list[str]:
     """Return the names of what has a stated 1-sigma."""
-    return sorted({"pitch_bias", "buoyancy_offset"}.union(*(_load(name).coefficients for name in vehicle.names())))
+    stated = {"pitch_bias", "buoyancy_offset", *FAIRING}
+    return sorted(stated.union(*(_load(name).coefficients for name in vehicle.names())))
 
 
 @functools.cache
@@ -181,6 +186,9 @@ def perturbed(craft: Vehicle, draws: Mapping[str, float]) -> Vehicle:
     See `spread` for how they are distributed.
     """
     changes = {name: spread(value, std, draws[name]) for name, (value, std) in _open(craft).items()}
+    if "carried_water" not in craft.coefficients:
+        changes["carried_water"] = CARRIED_STD * abs(draws["carried_water"])
+        changes["flushing_time"] = FLUSHING_BEFORE * math.exp(draws["flushing_time"])
     return craft.with_values(changes, "drawn around the vehicle file")
 
 
@@ -198,7 +206,7 @@ def spread(value: float, std: float, draw: float) -> float:
 
 def used(craft: Vehicle, draws: Mapping[str, float]) -> dict[str, float]:
     """Return those of `draws` that a mission of `craft` depends on."""
-    return {name: draws[name] for name in (*_open(craft), "pitch_bias", "buoyancy_offset")}
+    return {name: draws[name] for name in sorted({*_open(craft), *FAIRING, "pitch_bias", "buoyancy_offset"})}
 
 
 def _open(craft: Vehicle) -> dict[str, tuple[float, float]]:

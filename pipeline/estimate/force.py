@@ -54,6 +54,7 @@ class Bends(NamedTuple):
     by_speed: np.ndarray  # ∂z'/∂V
     by_pitch: np.ndarray  # ∂z'/∂θ, m/s
     memory: np.ndarray  # s; NaN where what V was says nothing about what comes after
+    pushed: np.ndarray  # m/s, 1-sigma of V by not knowing when the propeller's setting changed
 
 
 class Along(NamedTuple):
@@ -67,6 +68,19 @@ class Along(NamedTuple):
     bias: float  # rad, of pitch
     doubt: np.ndarray  # (m,): N, of net buoyancy while the engine moves and nobody knows when
     alphas: np.ndarray  # (m, 3 + c): α, its slopes in V and θ, and its change with each considered column
+
+
+@njit(cache=True, nogil=True)
+def _thrust(propeller: Propeller, disk: Disk, push: float, force: Forcing, k: int, speed: float) -> tuple[float, float]:
+    """Return the thrust at record k times `push`, N, and its slope in speed, N s/m."""
+    if force.propeller_power[k] > 0.0:
+        by_power, by_power_v = disk_thrust(disk, force.density[k], force.propeller_power[k], speed)
+        return push * by_power, push * by_power_v
+    turning = force.propeller_speed[k]
+    if turning == 0.0:
+        return 0.0, 0.0
+    slope = propeller.thrust_slope * force.density[k] * propeller.diameter**3 * turning
+    return push * thrust(propeller, force.density[k], turning, speed), push * slope
 
 
 @njit(cache=True, nogil=True)
@@ -155,14 +169,10 @@ def _follow(
         if polar.drag_exponent != 0.0:
             parasite *= here**polar.drag_exponent
         drag = square * (parasite + polar.induced_drag * alpha * alpha)
-        pushing = push * thrust(propeller, force.density[k], force.propeller_speed[k], here)
-        pushing_v = 0.0
-        if force.propeller_speed[k] != 0.0:
-            pushing_v = push * propeller.thrust_slope * force.density[k] * propeller.diameter**3
-            pushing_v *= force.propeller_speed[k]
-        if force.propeller_power[k] > 0.0:
-            by_power, by_power_v = disk_thrust(disk, force.density[k], force.propeller_power[k], here)
-            pushing, pushing_v = push * by_power, push * by_power_v
+        pushing, pushing_v = _thrust(propeller, disk, push, force, k, here)
+        if force.switching[k] > 0.0:
+            jump = _thrust(propeller, disk, push, force, j, here)[0] - pushing
+            bends.pushed[k] = abs(jump) / inertia * force.switching[k] / math.sqrt(12.0)
         rate = (pushing * cos_a - drag + buoyancy * sine) / inertia
         # V' and γ in α, then in V and θ with α slaved
         rate_a = (-pushing * sin_a - 2.0 * square * polar.induced_drag * alpha - buoyancy * cosine) / inertia
@@ -281,6 +291,7 @@ def _fill(
             continue
         unrest = math.sqrt(0.5 * tau * (s.force_drift_manoeuvre if quick else s.force_drift))
         _, w[SPEED], v_cov, v_int = integrated(unrest, tau, dt, rows[k, 0, SPEED])
+        w[SPEED] += bends.pushed[k] ** 2
         w[DEPTH] = z_v**2 * v_int + z_t**2 * q_t * dt**3 / 3.0 + w_int + s.swell * dt
         x[SPEED], x[PITCH] = z_v * v_cov, z_t * q_t * dt * dt / 2.0
         if quick:
@@ -312,7 +323,7 @@ def follow(series: Series, force: Forcing, craft: Craft, at: Path, columns: np.n
         force, series.time, craft.value[CARRIED], FLUSHING_BEFORE * math.exp(craft.value[FLUSHING])
     )
     rows, shift, alphas = np.zeros((m, 2, LOAD + 1)), np.zeros((m, 2, 1 + c)), np.zeros((m, 3 + c))
-    bends, observed_by = Bends(*np.zeros((3, m))), np.zeros((3, c))
+    bends, observed_by = Bends(*np.zeros((4, m))), np.zeros((3, c))
     _follow(
         craft.polar,
         craft.propeller,

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.ballast import Hull, latitude
-from pipeline.estimate.series import held, increasing, potential_density
+from pipeline.estimate.series import changed_within, held, increasing, potential_density
 from pipeline.mission import Mission
 from pipeline.model.exchange import carried, lagged
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
@@ -32,6 +32,7 @@ class Forcing(NamedTuple):
     density: np.ndarray  # (m,) kg/m3
     propeller_speed: np.ndarray  # (m,) rev/s
     propeller_power: np.ndarray  # (m,) W, where thrust is known by it; 0 elsewhere
+    switching: np.ndarray  # (m,) s, within which the propeller's setting changed, just before it has; 0 elsewhere
     doubt: np.ndarray  # (m,) N, change of net buoyancy across a gap in the engine's record, within it; 0 elsewhere
 
     @property
@@ -77,6 +78,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
         gravity=gravity,
     )
     displaced = gravity * density * body.volume
+    power = _power(records, time, vehicle)
     return (
         Forcing(
             force,
@@ -87,7 +89,10 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             np.zeros(time.size),
             density,
             np.nan_to_num(held(time, records["propeller_speed"].to_numpy())),
-            _power(records, time, vehicle),
+            power,
+            changed_within(
+                time, (records["propeller_power"] if power.any() else records["propeller_speed"]).to_numpy()
+            ),
             gravity * density * _unrecorded(time, records["buoyancy_volume"].to_numpy()),
         ),
         "",

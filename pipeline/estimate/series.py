@@ -100,15 +100,36 @@ def held(time: np.ndarray, reported: np.ndarray) -> np.ndarray:
     reported
         The setting, NaN where it is not reported, shape (m,).
     """
-    known = np.flatnonzero(np.isfinite(reported))
+    known, begins, _ = _reports(time, reported)
     if not known.size:
         return np.full(time.size, np.nan)
-    begins, gap = time[known], np.diff(time[known])
-    usual = float(np.median(gap)) if gap.size else math.inf
-    if usual < REGULAR:
-        begins[1:] -= np.where(gap < GAP * usual, 0.5 * gap, 0.0)
     last = np.searchsorted(begins, time, side="right") - 1
     return np.where(last < 0, np.nan, reported[known[np.maximum(last, 0)]])
+
+
+def changed_within(time: np.ndarray, reported: np.ndarray) -> np.ndarray:
+    """Return the time, s, within which a setting changed, at the last record before, and 0 elsewhere, shape (m,).
+
+    Parameters
+    ----------
+    time, reported
+        As for `held`.
+    """
+    within = np.zeros(time.size)
+    known, begins, open_ = _reports(time, reported)
+    new = np.flatnonzero(np.diff(reported[known]) != 0.0) + 1
+    within[np.maximum(np.searchsorted(time, begins[new]) - 1, 0)] = open_[new]
+    return within
+
+
+def _reports(time: np.ndarray, reported: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the records with a report, when each setting began, and the time, s, within which it did, each (n,)."""
+    known = np.flatnonzero(np.isfinite(reported))
+    begins, open_ = time[known], np.zeros(known.size)
+    gap = np.diff(begins)
+    if gap.size and np.median(gap) < REGULAR:
+        open_[1:] = np.where(gap < GAP * np.median(gap), gap, 0.0)
+    return known, begins - 0.5 * open_, open_
 
 
 def powered(records: pd.DataFrame) -> np.ndarray:

@@ -33,9 +33,11 @@ def inputs(
     def held(value: np.ndarray | float) -> np.ndarray:
         return np.broadcast_to(value, m).astype(np.float64)
 
-    rest = [name for name in Forcing._fields if name.startswith("by_") or name == "propeller_power"]
+    rest = [
+        name for name in Forcing._fields if name.startswith("by_") or name in ("propeller_power", "switching", "doubt")
+    ]
     by = {name: held(others.get(name, 0.0)) for name in rest}
-    given = {"net_buoyancy": net_buoyancy, "density": density, "propeller_speed": propeller_speed, "doubt": 0.0}
+    given = {"net_buoyancy": net_buoyancy, "density": density, "propeller_speed": propeller_speed}
     return Forcing(**{name: held(value) for name, value in given.items()}, **by)
 
 

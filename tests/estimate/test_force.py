@@ -23,7 +23,7 @@ from pipeline.estimate.series import Series
 from pipeline.estimate.settings import Noise, Settings
 from pipeline.model.dynamics import trajectory
 from pipeline.model.exchange import FLUSHING_BEFORE, lagged
-from pipeline.model.forces import disk_thrust
+from pipeline.model.forces import disk_thrust, propeller_of, thrust
 from pipeline.model.steady import trim_at_moment, trim_at_pitch
 from pipeline.vehicle import Polar, Vehicle
 
@@ -278,6 +278,24 @@ def decay(dt: float, start: float = 1.2) -> tuple[np.ndarray, np.ndarray]:
     )
     every = round(64.0 / dt)
     return v[::every], z[::every]
+
+
+def test_v_is_open_by_when_the_propeller_started() -> None:
+    """Within 8 s of start or not, evenly: the 1-sigma of what thrust over mass adds in that time, 8 s / √12 of it."""
+    craft, time, start = arrays.craft(PETREL), np.arange(0.0, 60.0, 1.0), 30
+    turning = np.where(np.arange(60) > start, 15.0, 0.0)
+    at = Path(np.full(60, 0.5), np.full(60, -0.4), np.zeros(60))
+    series = arrays.series(time, -0.4)
+    told, untold = (
+        linear(series, arrays.inputs(60, -4.0, 1025.0)._replace(propeller_speed=turning, switching=within), craft, at)[
+            0
+        ]
+        for within in (np.zeros(60), np.where(np.arange(60) == start, 8.0, 0.0))
+    )
+    more = untold.noise[:, SPEED] - told.noise[:, SPEED]
+    push = thrust(propeller_of(PETREL), 1025.0, 15.0, 0.5)
+    assert more[start] == pytest.approx((push / craft.inertia * 8.0) ** 2 / 12.0)
+    np.testing.assert_allclose(np.delete(more, start), 0.0, atol=1e-15)
 
 
 def test_the_step_hardly_matters() -> None:

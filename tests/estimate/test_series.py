@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.series import AFTER, BEFORE, from_records, held, increasing, powered
+from pipeline.estimate.series import AFTER, BEFORE, changed_within, from_records, held, increasing, powered
 from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
 
 
@@ -125,8 +125,12 @@ def test_a_setting_reported_regularly_has_changed_in_the_middle_between_two_repo
         found = held(time, np.where(time % spacing == 0.0, value, np.nan))
         after = spacing * np.ceil(604.0 / spacing)
         np.testing.assert_array_equal(found, np.where(time >= after - 0.5 * spacing, 13.0, 0.0))
+        within = changed_within(time, np.where(time % spacing == 0.0, value, np.nan))
+        assert within[np.flatnonzero(found == 13.0)[0] - 1] == spacing
+        assert np.count_nonzero(within) == 1
     lost = np.where((time % 8.0 == 0.0) & ((time < 500.0) | (time > 700.0)), value, np.nan)
     assert not held(time, lost)[:704].any(), "across a gap in the reports it holds"
+    assert not changed_within(time, lost).any()
     assert np.isnan(held(time, np.full(1200, np.nan))).all()
     assert np.isnan(held(time, np.where(time == 50.0, 1.0, np.nan))[:50]).all()
 
