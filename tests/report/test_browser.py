@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import pipeline
 from pipeline import store
 from pipeline.report import Report, index
 from pipeline.report.figures import files
@@ -99,10 +100,23 @@ SCROLLS = """() => [...document.querySelectorAll('.scroll:not(.static)')]
     .filter(item => item.scrollWidth > item.clientWidth + 1).map(item => item.getAttribute('aria-label'))"""
 
 
+@pytest.fixture(scope="module")
+def trial(pages: Path) -> str:
+    """Write the page of a simulated trial, which has most to stand side by side: published, printed, flown."""
+    name = "petrel2-danjiangkou-2014"
+    (pages / name).mkdir()
+    found = pipeline.analyse(Path(__file__).parents[2] / "raw" / name, threads=1).report()
+    (pages / name / "report.html").write_text(found.text, encoding="utf-8")
+    return f"{name}/report.html"
+
+
 @pytest.mark.parametrize(("width", "media"), [(1280, "screen"), (700, "print")])
-def test_every_table_is_seen_whole_at_a_desk_and_on_paper(look: Any, width: int, media: str) -> None:
+@pytest.mark.parametrize("which", ["everything", "trial"])
+def test_every_table_is_seen_whole_at_a_desk_and_on_paper(
+    look: Any, request: pytest.FixtureRequest, which: str, width: int, media: str
+) -> None:
     """On A4 a table can not be scrolled, and at a desk nobody does: what stands last is how independent it is."""
-    page = look(REPORT, width)
+    page = look(request.getfixturevalue("trial") if which == "trial" else REPORT, width)
     page.emulate_media(media=media)
     page.evaluate("document.querySelectorAll('details').forEach(item => item.open = true)")
     assert page.evaluate(SCROLLS) == []
