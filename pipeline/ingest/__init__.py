@@ -164,12 +164,14 @@ def ingest(mission: Mission) -> Ingested:
     attitude = _source(streams, "pitch")
     plausibility.require(table, _source(streams, "pressure"), attitude)
     vouched = "buoyancy_volume" in table and _source(streams, "buoyancy_volume")["file"] == attitude["file"]
-    by_hand = mission.pitch.scale < 0
-    for step in ("correct", "check") if by_hand else ("check", "correct"):
-        if step == "check":
-            table, notes = plausibility.with_pitch_checked(table, attitude, vouched=vouched and not by_hand)
-        else:
-            table, notes = merge.with_pitch_correction(table, mission.pitch)
+    turned = mission.pitch.scale < 0
+    if not turned:
+        table, notes = plausibility.with_pitch_checked(table, attitude, vouched=vouched)
+        findings += notes
+    table, notes = merge.with_pitch_correction(table, mission.pitch)
+    findings += notes
+    if turned:
+        table, notes = plausibility.with_pitch_checked(table, attitude, vouched=False)
         findings += notes
     if "buoyancy_volume" in table:
         table, doubts = plausibility.with_engine_checked(table, _source(streams, "buoyancy_volume"))

@@ -26,7 +26,7 @@ _APART = re.compile("(?<=\\d)[ \u00a0\u202f'\u2019](?=\\d{3}(?!\\d))")
 def is_numeral(text: str) -> bool:
     """Return whether `text` is a number, with decimal point or comma."""
     bare = _APART.sub("", text.strip())
-    return _is_float(bare) or any(pattern.fullmatch(bare) for pattern in _WRITTEN.values())
+    return is_float(bare) or any(pattern.fullmatch(bare) for pattern in _WRITTEN.values())
 
 
 def values(texts: pd.Series[Any], usual: str) -> tuple[pd.Series[Any], str]:
@@ -71,7 +71,8 @@ def values(texts: pd.Series[Any], usual: str) -> tuple[pd.Series[Any], str]:
     return numbers, " and ".join(words)
 
 
-def _is_float(text: str) -> bool:
+def is_float(text: str) -> bool:
+    """Return whether `text` is a number as Python writes one."""
     try:
         float(text)
     except ValueError:

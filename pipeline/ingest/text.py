@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding
 from pipeline.ingest import headers, numerals
-from pipeline.ingest.numerals import is_numeral
+from pipeline.ingest.numerals import is_float, is_numeral
 from pipeline.ingest.units import UNITS, spelling
 
 if TYPE_CHECKING:
@@ -181,8 +181,8 @@ def _separator(header: str) -> str:
 def _decimal_commas(records: list[list[str]]) -> bool:
     """Return whether numbers are written with a decimal comma, and none with a point."""
     fields = [field for record in records for field in record]
-    return any("," in field and _is_float(field.replace(",", ".", 1)) for field in fields) and not any(
-        "." in field and _is_float(field) for field in fields
+    return any("," in field and is_float(field.replace(",", ".", 1)) for field in fields) and not any(
+        "." in field and is_float(field) for field in fields
     )
 
 
@@ -317,14 +317,6 @@ def _fields(line: str, separator: str) -> list[str]:
     if not separator:
         return line.split()
     return [field.strip() for field in next(csv.reader([line], delimiter=separator))]
-
-
-def _is_float(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _is_unit_line(fields: list[str], width: int) -> bool:
