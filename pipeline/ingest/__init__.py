@@ -196,13 +196,13 @@ def ingest(mission: Mission) -> Ingested:
 
 def _solution(stored: pd.DataFrame | None) -> pd.DataFrame | None:
     """Return a stored flight solution as the table `records.STORED`, in time order."""
-    import numpy as np
-
+    from pipeline.ingest.clock import EARLIEST, LATEST
     from pipeline.records import STORED, conform, timestamps
 
     if stored is None:
         return None
-    ordered = stored[np.isfinite(stored["time"])].sort_values("time", kind="stable")
+    possible = stored["time"].between(EARLIEST, LATEST, inclusive="left")
+    ordered = stored[possible].sort_values("time", kind="stable")
     return conform(ordered.assign(time=timestamps(ordered["time"].to_numpy())), STORED)
 
 

@@ -14,12 +14,12 @@ from pipeline.records import microseconds
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-EARLIEST = pd.Timestamp("1990-01-01", tz="UTC").timestamp()
+#: Times outside are no times, s since 1970-01-01 UTC.
+EARLIEST, LATEST = (pd.Timestamp(day, tz="UTC").timestamp() for day in ("1990-01-01", "2100-01-01"))
 #: Records in order that are a stretch of a table, not a handful of garbage.
 _STRETCH = 25
 #: What the CTD measures, and the pressure lent to one without a sensor of its own.
 _OF_CTD = ("pressure", "pressure_interpolated", "temperature", "conductivity")
-LATEST = pd.Timestamp("2100-01-01", tz="UTC").timestamp()
 
 
 def cleaned(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[Finding]]:

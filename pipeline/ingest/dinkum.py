@@ -23,12 +23,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.findings import InputError
+from pipeline.ingest.clock import EARLIEST, LATEST
 from pipeline.ingest.logs import UnreadableError
 
 LABEL = b"dbd_label"
 ENCODING = 5
-#: Times outside are no times: 1990-01-01 to 2100-01-01 [s since 1970-01-01 UTC].
-EARLIEST, LATEST = 631152000.0, 4102444800.0
 
 _NUMBERS = ("encoding_ver", "total_num_sensors", "sensors_per_cycle", "state_bytes_per_cycle")
 _GLIDER = re.compile(r"(.+)-\d{4}-\d{1,3}-\d+-\d+$")

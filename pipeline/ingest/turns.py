@@ -7,6 +7,7 @@ import math
 import pandas as pd
 
 from pipeline.findings import Finding
+from pipeline.ingest.clock import EARLIEST, LATEST
 from pipeline.records import Quality
 
 
@@ -79,7 +80,7 @@ def _pieces(frame: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 def _span(frame: pd.DataFrame) -> tuple[float, float]:
-    time = frame["time"][frame["time"].between(6.3e8, 4.2e9)]
+    time = frame["time"][frame["time"].between(EARLIEST, LATEST)]
     return float(time.min()), float(time.max())
 
 

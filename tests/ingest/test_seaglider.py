@@ -10,7 +10,7 @@ import pytest
 from scipy.io import netcdf_file
 
 from pipeline.findings import InputError
-from pipeline.ingest import adcp, seaglider
+from pipeline.ingest import adcp, ingest, seaglider
 from pipeline.mission import Mission
 from pipeline.records import Quality
 
@@ -195,6 +195,15 @@ def test_the_stored_solution_is_in_si_and_up_positive(tmp_path):
     stored = read(write(tmp_path, "p1230001.nc", dive())).stored
     np.testing.assert_allclose(stored["speed"], [0.20, 0.25, 0.25, 0.20])
     np.testing.assert_allclose(stored["vertical_speed"], [-0.10, -0.12, 0.12, 0.10])
+
+
+@pytest.mark.parametrize("absurd", [1e300, -1e300, np.inf, np.nan, 0.0])
+def test_a_stored_solution_goes_without_the_instants_that_are_no_times(tmp_path, absurd):
+    time = T0 + 3.0 + 10.0 * np.arange(4)
+    time[1] = absurd
+    folder = write(tmp_path, "p1230001.nc", dive(ctd_time=("ctd_data_point", time)))
+    got = ingest(Mission(vehicle="seaglider", folder=folder))
+    assert got.stored["speed"].tolist() == [np.float32(0.20), np.float32(0.25), np.float32(0.20)]
 
 
 def test_the_volume_of_the_hull_follows_from_the_calibration(tmp_path):
