@@ -32,6 +32,7 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
     ),
     "sg171": ("seaglider/sg171_ekamsat2024", "p*.nc", "vehicle: seaglider\n"),
     "amadeus": ("slocum/misc", "amadeus*", "vehicle: slocum-g2\n"),
+    "maria": ("slocum/maria997", "*", "vehicle: slocum-deep\n"),
     "sg249": ("seaglider/sg249_nanoos2024", "p*.nc", "vehicle: seaglider-sgx\n"),
     "sg542": ("seaglider/sg542", "p*.nc", "vehicle: seaglider\n"),
     "sg167": ("seaglider/sg167", "p*.nc", "vehicle: seaglider\n"),
@@ -85,7 +86,7 @@ def lay_out(data: Path, raw: Path, names: tuple[str, ...] = tuple(MISSIONS)) -> 
         for file in sorted((data / source).glob(pattern)):
             if file.is_file():
                 shutil.copyfile(file, folder / file.name)
-        if name == "amadeus":
+        if (data / source / "cac").is_dir():
             shutil.copytree(data / source / "cac", folder / "cac", copy_function=shutil.copyfile)
         (folder / "mission.yaml").write_text(text, encoding="utf-8")
 

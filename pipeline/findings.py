@@ -42,7 +42,7 @@ class Finding:
             parts.append(f"expected {self.expected}")
         if self.remedy:
             parts.append(self.remedy)
-        return "; ".join(parts)
+        return " ".join("; ".join(parts).splitlines())
 
     def as_dict(self) -> dict[str, str]:
         """Return the finding as plain strings, for summary.json."""

@@ -18,6 +18,10 @@ def test_a_finding_reads_as_one_sentence() -> None:
     assert str(Finding("note", "gps", "fix 2", "0, 0", remedy="left out")) == "gps: fix 2: found 0, 0; left out"
 
 
+def test_a_finding_is_one_line_whatever_a_library_says() -> None:
+    assert "\n" not in str(Finding("error", "a.parquet", "", "a damaged file (bad\r\nheader\n)", "Parquet"))
+
+
 def test_a_finding_is_plain_text_for_json() -> None:
     assert Finding("note", "a", "b", "c", "d", "e").as_dict() == {
         "severity": "note",

@@ -280,8 +280,7 @@ def _fill(
         d[WATER], d[SLIP] = phi_w, phi_s
         source = CRUISE if n > CRUISE and cruising else SPEED  # the state that is V at this instant
         slowing *= dt / max(v, s.least_speed)
-        F[1, SPEED], F[1, RESPONSE] = 1.0 + turned + at.response[k] * slowing / max(v, s.least_speed), -slowing
-        b[1, 0] = -at.response[k] * slowing
+        F[1, SPEED], F[1, RESPONSE] = 1.0 + turned, -slowing
         if powered and b.shape[1] > 2 + c:
             b[1, 2 + c] = v * turned * FOLLOWED[1] / FOLLOWED[0]
         q[RESPONSE] = (s.response_drift if quick else 0.0) * dt

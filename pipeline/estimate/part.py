@@ -80,6 +80,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
             flight.beyond,
             depth_alone=by_depth,
             glide=method == "kinematic",
+            polar_known=not np.isnan(prepared.vehicle.polar).any(),
         )
         tables.append(_table(records, method, flight, reason))
         seen = reason == ""

@@ -20,6 +20,7 @@ from pipeline.estimate.forcing import forcing
 from pipeline.estimate.noise import Each
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.trajectory import Solve, first_guess
+from pipeline.estimate.verdict import UNKNOWN_POLAR
 from pipeline.findings import Finding
 from pipeline.mission import Mission
 from pipeline.vehicle import Vehicle
@@ -112,7 +113,7 @@ def _adjusted(
     if body is None:
         return None, "no mass or no density: no net buoyancy"
     if any(np.isnan(vehicle.polar)):
-        return None, "lift and drag of the vehicle are not known"
+        return None, UNKNOWN_POLAR
     driven, paths = [], []
     for records, series in zip(stretches, found, strict=True):
         inputs, reason = forcing(records, vehicle, mission, body)

@@ -8,6 +8,7 @@ from pipeline.estimate.series import LEVEL, Series
 
 #: A speed is called observable when its 1-sigma is below this share of it.
 OBSERVABLE = 0.2
+UNKNOWN_POLAR = "lift and drag of the vehicle are not known"
 
 
 def verdict(
@@ -19,6 +20,7 @@ def verdict(
     *,
     depth_alone: bool,
     glide: bool = True,
+    polar_known: bool = True,
 ) -> np.ndarray:
     """Return for every record why its speed is unobservable, or "" where the data determine it; shape (m,).
 
@@ -36,6 +38,8 @@ def verdict(
         Neither a speed sensor nor fixes are used: then powered level flight is unobservable whatever the filter says.
     glide
         The angle of attack is borrowed from steady glides.
+    polar_known
+        Lift and drag of the vehicle are known.
     """
     weak = ~(speed_std <= OBSERVABLE * speed)
     level = series.powered & (np.abs(series.pitch_guess) < LEVEL)
@@ -49,7 +53,7 @@ def verdict(
         reason[beyond & (reason == "")] = (
             "powered: the angle of attack found is more than a glide's, and depth alone tells"
         )
-    reason[np.isnan(speed)] = "lift and drag of the vehicle are not known"
+    reason[~np.isfinite(speed)] = "no finite estimate was found" if polar_known else UNKNOWN_POLAR
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
     reason[series.afloat] = "at the surface"
     return reason

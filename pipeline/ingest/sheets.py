@@ -179,15 +179,16 @@ def _of_parquet(path: Path) -> list[Sheet]:
 
 
 def _read_parquet(path: Path, clocks: list[str], measured: list[str]) -> tuple[pd.DataFrame, list[Finding]]:
-    import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
+
+    from pipeline.ingest.logs import UnreadableError
 
     wanted = clocks + measured
     try:
         frame = pq.read_table(path, columns=wanted).to_pandas().reset_index()
     except (pa.ArrowInvalid, OSError) as error:
-        return pd.DataFrame(columns=wanted), [left_out(path, f"an unreadable file ({error})")]
+        raise UnreadableError(f"a damaged file ({error})", "Parquet", "file left out; copy it again") from error
     return _numeric(path, frame[wanted], clocks, measured)
 
 

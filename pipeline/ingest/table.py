@@ -177,14 +177,13 @@ def _read_file(path: Path, table: Table, findings: list[Finding]) -> list[_Part]
     from pipeline.ingest.logs import UnreadableError
 
     try:
-        found = sheets(path)
+        parts = [part for sheet in sheets(path) if (part := _read_sheet(sheet, table, findings))]
     except UnreadableError as error:
         findings.append(Finding("error", path.name, "", error.found, error.expected, error.remedy))
         return []
     if is_netcdf(path):
         written = "what the program that wrote it interpolated cannot be told from what was measured"
         findings.append(Finding("note", path.name, "", "netCDF", "the logs themselves", written))
-    parts = [part for sheet in found if (part := _read_sheet(sheet, table, findings))]
     return _fixes_first(parts, findings)
 
 

@@ -227,10 +227,8 @@ def _read_arrow(
         return "skip"
 
     table = arrow.read_csv(
-        path,
-        read_options=arrow.ReadOptions(
-            use_threads=False, column_names=layout.names, skip_rows=layout.skipped, encoding=layout.encoding
-        ),
+        _Utf8(path, layout.encoding),
+        read_options=arrow.ReadOptions(use_threads=False, column_names=layout.names, skip_rows=layout.skipped),
         parse_options=arrow.ParseOptions(
             delimiter=layout.separator, quote_char='"' if layout.quoted else False, invalid_row_handler=skip
         ),
@@ -311,6 +309,32 @@ def _open(path: Path) -> Any:
     with path.open("rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
     return gzip.open(path, "rb") if packed else path.open("rb")
+
+
+class _Utf8(io.RawIOBase):
+    """The bytes of a text file as UTF-8, with a replacement character for what is none in its encoding."""
+
+    def __init__(self, path: Path, encoding: str) -> None:
+        self._file = _open(path)
+        self._decoder = codecs.getincrementaldecoder(encoding)(errors="replace")
+        self._left = b""
+
+    def readable(self) -> bool:
+        return True
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+    def readinto(self, buffer: Any) -> int:
+        while not self._left:
+            raw = self._file.read(len(buffer))
+            self._left = self._decoder.decode(raw, final=not raw).encode()
+            if not raw:
+                break
+        part, self._left = self._left[: len(buffer)], self._left[len(buffer) :]
+        buffer[: len(part)] = part
+        return len(part)
 
 
 def _fields(line: str, separator: str) -> list[str]:

@@ -74,6 +74,18 @@ def test_under_power_an_angle_of_attack_beyond_a_glides_is_no_measurement_where_
     assert set(verdict(series, speed, std, steady, beyond, depth_alone=False)) == {""}
 
 
+@pytest.mark.parametrize(
+    ("known", "why"), [(True, "no finite estimate was found"), (False, "lift and drag of the vehicle are not known")]
+)
+def test_where_no_speed_was_found_the_polar_is_blamed_only_if_it_is_unknown(known: bool, why: str) -> None:
+    time = np.arange(0.0, 40.0, 4.0)
+    glides = np.ones(time.size, dtype=bool)
+    for value in (np.nan, np.inf):
+        speed = np.full(time.size, value)
+        found = verdict(arrays.series(time, 0.4), speed, speed, glides, ~glides, depth_alone=True, polar_known=known)
+        assert set(found) == {why}
+
+
 @pytest.mark.parametrize(("side", "most"), [(-1.0, 1.19), (1.0, 1.21)])
 def test_it_is_beyond_where_it_is_a_fifth_more_than_a_glides(side: float, most: float) -> None:
     polar, time = load("petrel-ii").polar, np.arange(0.0, 40.0, 4.0)

@@ -29,6 +29,15 @@ def sg171(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Real:
     return read("sg171", data, tmp_path_factory.mktemp("sg171"))
 
 
+def test_decimated_logs_from_stratified_water_have_a_speed(data: Path, tmp_path: Path) -> None:
+    """Depth twice a minute, pitch less often: V must not grow without bounds where it is slow and nothing is seen."""
+    found = of_method(estimated(read("maria", data, tmp_path)).estimates, "kinematic")
+    seen = found["observable"].to_numpy()
+    assert seen.mean() > 0.5
+    assert "no finite estimate was found" not in set(found["reason"])
+    assert 0.25 < found["speed"][seen].median() < 0.45
+
+
 @pytest.fixture(scope="module")
 def of_comet(comet: Real) -> Estimated:
     return estimated(comet)

@@ -17,6 +17,7 @@ from pipeline.ingest import fills, headers, recognise, table, times, units
 from pipeline.mission import Mission, load
 
 START = 1466553600.0  # 2016-06-22 00:00 UTC
+YAML_P = "files: {a.csv: {columns: {pressure: {column: Druck P (dbar), unit: dbar}}}}\n"
 
 
 @pytest.fixture
@@ -759,6 +760,36 @@ def test_parquet_is_read_with_its_own_units_and_zones(make: Callable[..., Missio
     (stream,) = table.read(make({})).streams
     assert stream["time"].tolist() == [START, START + 1]
     assert stream["pressure"].tolist() == [10.0, 20.0]
+
+
+def test_a_damaged_parquet_file_is_left_out_with_one_error(make: Callable[..., Mission], tmp_path: Path) -> None:
+    frame = pd.DataFrame({"time": START + np.arange(5000.0), "P": np.sin(np.arange(5000.0))})
+    frame.to_parquet(tmp_path / "ctd.parquet")
+    whole = (tmp_path / "ctd.parquet").read_bytes()
+    good = f"time,pitch\n{START},0.1\n"
+    logs = table.read(make({"ctd.parquet": b"PAR1" + bytes(3000) + whole[3004:], "attitude.csv": good}))
+    (error,) = (str(finding) for finding in logs.findings if finding.severity == "error")
+    assert error.startswith("ctd.parquet: found a damaged file (")
+    assert error.endswith("); expected Parquet; file left out; copy it again")
+    assert "\n" not in error
+
+
+@pytest.mark.parametrize("garbage", [b"\xc3(\xa0\xff\n", b"1\xff,2\n", b"\xff\xfe,\x81,\x82\n", b"\xc3"])
+def test_bytes_that_are_no_text_cost_their_line(make: Callable[..., Mission], garbage: bytes) -> None:
+    lines = [f"{START + k},{k}.5".encode() for k in range(4)]
+    text = b"time,pressure\n" + b"\n".join(lines[:2]) + b"\n" + garbage.rstrip(b"\n") + b"\n" + b"\n".join(lines[2:])
+    logs = table.read(make({"a.csv": text}))
+    kept = logs.streams[0].dropna()
+    assert kept["pressure"].tolist() == [0.5, 1.5, 2.5, 3.5]
+    assert any("wrong number of fields" in str(finding) or "no number" in str(finding) for finding in logs.findings)
+
+
+def test_a_long_table_of_another_encoding_is_read_to_its_end(make: Callable[..., Mission]) -> None:
+    """Longer than what is read at a time, with characters of two bytes at the seams."""
+    rows = "".join(f"{START + k};{k % 97},5;{'µ' * (k % 5)}\n" for k in range(90_000))
+    for encoding in ("latin-1", "utf-8", "utf-16"):
+        (stream,) = table.read(make({"a.csv": f"time;Druck P (dbar);größe\n{rows}".encode(encoding)}, YAML_P)).streams
+        np.testing.assert_array_equal(stream["pressure"], np.arange(90_000) % 97 + 0.5)
 
 
 ROWS = np.arange(4.0)
