@@ -5,7 +5,7 @@ drawn around those of its file with their stated 1-sigma; the estimator gets the
 part of net buoyancy are drawn with the 1-sigma that the mission states; the water that its fairing carries along, of
 which no file says anything, as widely as the estimator takes it to be open.
 
-Vehicles are all those of the package whose lift, drag, mass and hull are known. What the simulated dynamics need
+Vehicles are all those of the package whose own lift, drag, mass and hull are known. What the simulated dynamics need
 beyond that and a file leaves unknown is made up: pitching moments as Petrel-II's in proportion to the lift slope, pitch
 inertia and battery in proportion to mass, and added mass as Slocum's (0.2 of the mass along the nose, 0.92 normal to
 the wings; Merckelbach et al. 2019, doi:10.1175/JTECH-D-18-0168.1). Batteries move far enough to hold any pitch ordered.
@@ -135,9 +135,11 @@ def _load(name: str) -> Vehicle:
 
 @functools.cache
 def vehicles() -> list[str]:
-    """Return the names of the vehicles whose polar, mass and hull are known."""
+    """Return the names of the vehicles whose polar, mass and hull are known, none of them assumed."""
     needed = ("lift_slope", "parasite_drag", "induced_drag", "mass", "compressibility", "thermal_expansion")
-    return [name for name in vehicle.names() if all(math.isfinite(_load(name)[key]) for key in needed)]
+    found = {name: _load(name) for name in vehicle.names()}
+    known = {name: one for name, one in found.items() if all(math.isfinite(one[key]) for key in needed)}
+    return [name for name, one in known.items() if not one.assumed(needed)]
 
 
 def complete(craft: Vehicle) -> Vehicle:

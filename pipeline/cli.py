@@ -317,7 +317,7 @@ def vehicles(
                     "value": value.value,
                     "1-sigma": value.std,
                     "unit": value.unit,
-                    "source": value.source,
+                    "source": f"{'assumed: ' if value.assumed else ''}{value.source}",
                 }
                 for key, value in item.coefficients.items()
             ]

@@ -7,7 +7,7 @@ the vehicle's reference density; in water of another density they scale with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -84,12 +84,13 @@ NOT_NEGATIVE = frozenset({"carried_water"})
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A value with its 1-sigma (NaN: unknown), unit and source."""
+    """A value with its 1-sigma (NaN: unknown), unit and source, and whether it is assumed: of other vehicles."""
 
     value: float
     std: float
     unit: str
     source: str
+    assumed: bool = False
 
 
 class Polar(NamedTuple):
@@ -154,6 +155,10 @@ class Vehicle:
     def correlation(self, first: str, second: str) -> float:
         """Return the correlation of the errors of two coefficients; 0 where none is stated."""
         return self.correlations.get((first, second), self.correlations.get((second, first), 0.0))
+
+    def assumed(self, names: Iterable[str]) -> list[str]:
+        """Return those of the coefficients `names` that are assumed: no one has measured them on such a vehicle."""
+        return [name for name in names if name in self.coefficients and self.coefficients[name].assumed]
 
     @property
     def polar(self) -> Polar:
@@ -309,7 +314,7 @@ def correlation_matrix(correlations: Mapping[tuple[str, str], float]) -> tuple[l
 def _coefficient(name: str, entry: Any, file: str) -> Coefficient:
     if name not in KNOWN:
         raise InputError(file, name, found="an unknown coefficient", remedy=nearest(name, list(KNOWN)))
-    if not isinstance(entry, dict) or set(entry) != {"value", "std", "unit", "source"}:
+    if not isinstance(entry, dict) or set(entry) - {"assumed"} != {"value", "std", "unit", "source"}:
         raise InputError(file, name, found=f"{entry!r}", expected="the keys value, std, unit and source")
     quantity = KNOWN[name]
     if entry["unit"] != quantity.unit:
@@ -324,7 +329,10 @@ def _coefficient(name: str, entry: Any, file: str) -> Coefficient:
     check_value(name, value, file)
     if std < 0 or math.isinf(std):
         raise InputError(file, name, found=f"std {std:g}", expected="a 1-sigma of zero or more")
-    return Coefficient(value, std, quantity.unit, str(entry["source"]))
+    assumed = entry.get("assumed", False)
+    if not isinstance(assumed, bool):
+        raise InputError(file, name, found=f"assumed {assumed!r}", expected="true or false")
+    return Coefficient(value, std, quantity.unit, str(entry["source"]), assumed)
 
 
 def check_value(name: str, value: float, file: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from pipeline.estimate.stage import estimate
 from pipeline.ingest import ingest
 
 SEATRIAL = str(Path(sys.executable).with_name("seatrial"))
+BARE = Path(__file__).with_name("bare.yaml")
 FILES = ("ctd.csv", "attitude.csv", "engine.csv")
 MISSION = """vehicle: {}
 latitude: 18.0
@@ -54,6 +56,12 @@ def _each(change: Callable[[pd.DataFrame], pd.DataFrame], files: tuple[str, ...]
             change(pd.read_csv(folder / file)).to_csv(folder / file, index=False)
 
     return spoil
+
+
+def _bare(folder: Path) -> None:
+    """Let a vehicle have flown whose lift and drag nobody knows."""
+    shutil.copyfile(BARE, folder / BARE.name)
+    (folder / "mission.yaml").write_text(MISSION.format(BARE.name), encoding="utf-8")
 
 
 def _jumped(by_s: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
@@ -102,8 +110,7 @@ DAMAGED: dict[str, tuple[Spoil, str]] = {
     "constant-depth": (_each(lambda table: table.assign(**{"pressure [dbar]": 30.0}), ("ctd.csv",)),
                        "no mass or no density: no net buoyancy"),
     "surface": (_each(lambda table: table.assign(**{"pressure [dbar]": 0.2}), ("ctd.csv",)), ""),
-    "unknown-lift": (lambda folder: (folder / "mission.yaml").write_text(MISSION.format("spray"), "utf-8") and None,
-                     "lift and drag of the vehicle are not known"),
+    "unknown-lift": (_bare, "lift and drag of the vehicle are not known"),
 }  # fmt: skip
 
 
@@ -114,7 +121,7 @@ def test_numbers_are_finite_where_observable_and_nan_with_a_reason_elsewhere(tmp
     _good(folder)
     spoil(folder)
     settings = mission.load(folder)
-    found = estimate(ingest(settings).records, vehicle.load(settings.vehicle), settings)
+    found = estimate(ingest(settings).records, vehicle.load(settings.vehicle, folder), settings)
     table = found.estimates
     seen = table["observable"].to_numpy()
     hidden = table[["speed", "speed_std", "angle_of_attack", "path_angle", "vertical_water_velocity"]]

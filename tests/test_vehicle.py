@@ -14,6 +14,8 @@ from pipeline.findings import InputError
 
 #: Vehicles whose lift and drag are not published.
 SILENT = {"seaexplorer", "spray"}
+#: Lift and drag.
+POLAR = vehicle.Polar._fields
 MASS = {"value": 70.0, "std": 1.0, "unit": "kg", "source": "scales"}
 
 
@@ -28,11 +30,26 @@ def test_every_vehicle_of_the_package_says_what_the_theory_needs(name: str) -> N
     found = vehicle.load(name)
     assert found.name == name
     assert found["reference_density"] > 0.0
-    polar = (*vehicle.Polar._fields,)
-    assert all(math.isfinite(found[key]) and math.isfinite(found.std(key)) for key in polar) != (name in SILENT)
+    assert all(math.isfinite(found[key]) and math.isfinite(found.std(key)) for key in POLAR)
+    assert bool(found.assumed(POLAR)) == (name in SILENT)
     assert all(coefficient.source for coefficient in found.coefficients.values())
     for coefficient in found.coefficients.values():
         assert math.isnan(coefficient.std) == math.isnan(coefficient.value)
+
+
+@pytest.mark.parametrize("name", sorted(SILENT))
+def test_an_assumed_polar_covers_those_of_all_vehicles_whose_own_is_known(name: str) -> None:
+    assumed = vehicle.load(name)
+    for other in (vehicle.load(each) for each in vehicle.names() if each not in SILENT):
+        drag = other["parasite_drag"] * 0.3 ** other["drag_exponent"]
+        known = (other["lift_slope"], drag, other["induced_drag"])
+        for key, value in zip(("lift_slope", "parasite_drag", "induced_drag"), known, strict=True):
+            assert abs(value - assumed[key]) < 1.5 * assumed.std(key)
+
+
+def test_assumed_is_said_by_yes_or_no() -> None:
+    content = {"coefficients": {"mass": MASS | {"assumed": "perhaps"}}}
+    assert refusal(content) == "mine.yaml: mass: found assumed 'perhaps'; expected true or false"
 
 
 def test_unknown_vehicle_names_the_nearest() -> None:
@@ -238,22 +255,26 @@ def test_powered_flight_of_a_slocum_is_not_predicted_without_its_thrust_law() ->
     assert math.isnan(powered.speed[0])
 
 
-@pytest.mark.parametrize("name", sorted(SILENT))
-def test_a_vehicle_without_published_lift_and_drag_says_what_is_unknown(name: str) -> None:
+@pytest.fixture
+def bare() -> vehicle.Vehicle:
+    return vehicle.load("bare.yaml", Path(__file__).parent)
+
+
+def test_a_vehicle_whose_lift_and_drag_nobody_knows_says_what_is_unknown(bare: vehicle.Vehicle) -> None:
     from pipeline.model.predict import free_angle_of_attack
     from pipeline.model.steady import trim_at_pitch
 
-    silent = vehicle.load(name)
-    glide = trim_at_pitch(silent, -0.5, -0.4)
+    glide = trim_at_pitch(bare, -0.5, -0.4)
     assert math.isnan(glide.speed)
     assert str(glide.reason) == "the vehicle file leaves lift_slope, parasite_drag, induced_drag unknown"
-    assert free_angle_of_attack(silent)[1] == "the vehicle file leaves moment_at_zero, moment_slope unknown"
-    assert math.isnan(vehicle.to_seaglider(silent)["hd_a"])
-    assert math.isnan(vehicle.to_slocum(silent)["C_D0"])
+    assert free_angle_of_attack(bare)[1] == "the vehicle file leaves moment_at_zero, moment_slope unknown"
+    assert math.isnan(vehicle.to_seaglider(bare)["hd_a"])
+    assert math.isnan(vehicle.to_slocum(bare)["C_D0"])
 
 
-@pytest.mark.parametrize("name", sorted(SILENT))
-def test_predictions_for_a_vehicle_without_published_lift_and_drag_are_nan_with_a_reason(name: str) -> None:
+def test_predictions_for_a_vehicle_whose_lift_and_drag_nobody_knows_are_nan_with_a_reason(
+    bare: vehicle.Vehicle,
+) -> None:
     import pandas as pd
 
     from pipeline.model.predict import predict
@@ -261,7 +282,7 @@ def test_predictions_for_a_vehicle_without_published_lift_and_drag_are_nan_with_
 
     block = {"block": 1, "dive": 1, "direction": -1, "powered": False, "used": True}
     flown = block | {"net_buoyancy": -0.5, "pitch": -0.4, "density": 1027.0}
-    found = predict(vehicle.load(name), conform(pd.DataFrame([flown]), BLOCKS))
+    found = predict(bare, conform(pd.DataFrame([flown]), BLOCKS))
     assert len(found) == 3
     assert found["speed"].isna().all()
     assert found["reason"].str.contains("the vehicle file").all()

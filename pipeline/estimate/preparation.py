@@ -23,7 +23,7 @@ from pipeline.estimate.trajectory import Solve, first_guess
 from pipeline.estimate.verdict import UNKNOWN_POLAR
 from pipeline.findings import Finding
 from pipeline.mission import Mission
-from pipeline.vehicle import Vehicle
+from pipeline.vehicle import Polar, Vehicle
 
 METHODS = ("kinematic", "force")
 #: A mission is prepared on at most this many stretches of as many records.
@@ -75,7 +75,7 @@ def prepare(
     """
     found = [reconcile(records, from_records(records), vehicle, mission).series for records in stretches]
     clocks, doubts = clock_offset(found, mission)
-    findings = [*body[1], *doubts]
+    findings = [*body[1], *doubts, *_assumed(vehicle)]
     located = mission.gps == "use" and any(series.located for series in found)
 
     def prepared(each: Each = map) -> kinematic.Model:
@@ -91,6 +91,24 @@ def prepare(
             adjusted, reason = _adjusted(stretches, found, vehicle, mission, body[0], pool.map)
             model = waiting.result()
     return Prepared(vehicle, mission, engine, model, body[0], adjusted, reason, clocks, findings)
+
+
+def _assumed(vehicle: Vehicle) -> list[Finding]:
+    """Return a warning where lift or drag are not the vehicle's own."""
+    names = vehicle.assumed(vehicle.coefficients)
+    if not set(names) & set(Polar._fields):
+        return []
+    return [
+        Finding(
+            "warning",
+            "vehicle",
+            vehicle.name,
+            f"{', '.join(names)} assumed, from other gliders",
+            "its own",
+            "intervals are as wide as that; dives at several pitches and a speed sensor tell more, and vehicle.yaml in "
+            "the report's folder keeps it",
+        )
+    ]
 
 
 def _solver(engine: str) -> Solve:

@@ -242,7 +242,8 @@ def text(corrected: Corrected, mission: str) -> str:
     out += [f"name: {_text(vehicle.name)}", f"description: {_text(vehicle.description)}", "coefficients:"]
     for name, item in vehicle.coefficients.items():
         fields = (f"value: {_number(item.value)}", f"std: {_number(item.std)}", f"unit: {_text(item.unit)}")
-        out.append(f"  {name}: {{{', '.join(fields)}, source: {_text(item.source)}}}")
+        assumed = ", assumed: true" if item.assumed else ""
+        out.append(f"  {name}: {{{', '.join(fields)}{assumed}, source: {_text(item.source)}}}")
     if vehicle.correlations:
         out.append("correlations:")
         for first in dict.fromkeys(pair[0] for pair in vehicle.correlations):

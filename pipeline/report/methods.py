@@ -40,6 +40,10 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
         "Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
         "volume, engine volume and the measured density.",
     ]
+    if vehicle.assumed(vehicle.polar._fields):
+        out.append(
+            f"Lift and drag of '{vehicle.name}' are assumed, taken from other gliders; their 1σ is in every interval."
+        )
     if inputs.blocks["powered"].any():
         other = "GPS displacements or a speed sensor" if gps or sensor_used else "something other than depth"
         out.append(

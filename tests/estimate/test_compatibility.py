@@ -266,7 +266,7 @@ def test_dives_alone_do_not_tell_a_bias_from_a_scale(biased: Flown) -> None:
 
 
 def test_without_a_polar_pitch_is_left_as_it_is(biased: Flown) -> None:
-    report = biased.reconciled(USE, vehicle.load("seaexplorer")).report
+    report = biased.reconciled(USE, vehicle.load("bare.yaml", Path(__file__).parents[1])).report
     assert report["pitch_bias"]["value"] is None
     assert report["pitch_bias"]["reason"] == "the vehicle's polar is not known"
 

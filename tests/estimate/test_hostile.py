@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import dives
 import numpy as np
@@ -177,17 +178,35 @@ def test_spikes_of_depth_do_not_bend_the_force_estimate(flown: Flown, monkeypatc
     assert np.median(gap) < 0.5
 
 
-@pytest.mark.parametrize("name", ["spray", "seaexplorer"])
 def test_a_vehicle_whose_lift_and_drag_are_unknown_has_no_speed_and_the_records_say_why(
-    flown: Flown, name: str, monkeypatch: pytest.MonkeyPatch
+    flown: Flown, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = survives(flown.records, flown, monkeypatch, vehicle.load(name))
+    bare = vehicle.load("bare.yaml", Path(__file__).parents[1])
+    found = survives(flown.records, flown, monkeypatch, bare)
     assert not found.estimates["observable"].any()
     assert set(found.estimates["reason"]) == {"lift and drag of the vehicle are not known", "at the surface"}
     assert found.report["force"]["reason"] in (
         "lift and drag of the vehicle are not known",
         "no mass or no density: no net buoyancy",
     )
+
+
+@pytest.mark.parametrize("name", ["spray", "seaexplorer"])
+def test_a_vehicle_whose_lift_and_drag_are_assumed_has_a_speed_with_a_wide_interval_that_holds_and_a_warning(
+    flown: Flown, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stds = {}
+    for craft in (vehicle.load(name), PETREL):
+        found = survives(flown.records, flown, monkeypatch, craft)
+        rows = of_method(found.estimates, "kinematic")
+        assert rows["observable"].mean() > 0.3
+        stds[craft.name] = rows["angle_of_attack_std"].median()
+        seen = rows["observable"].to_numpy()
+        gap = (rows["speed"].to_numpy() - flown.truth["speed"].to_numpy())[seen]
+        assert np.mean(np.abs(gap) < 1.96 * rows["speed_std"].to_numpy()[seen]) > 0.93
+        warned = [str(finding) for finding in found.findings if "assumed" in str(finding)]
+        assert len(warned) == (craft.name == name)
+    assert stds[name] > 1.5 * stds[PETREL.name]
 
 
 def test_another_vehicle_than_flew_contradicts_but_does_not_fail(flown: Flown, monkeypatch: pytest.MonkeyPatch) -> None:

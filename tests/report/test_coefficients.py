@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -49,6 +50,6 @@ def test_lift_at_zero_fits_neither(petrel: Vehicle) -> None:
 
 
 def test_unknown_coefficients_are_called_so() -> None:
-    block = text(load("spray"), "m")
+    block = text(load("bare.yaml", Path(__file__).parents[1]), "m")
     assert re.search(r"C_D0 +unknown", block)
     assert "nan" not in block
