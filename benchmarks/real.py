@@ -60,7 +60,7 @@ def main() -> int:
             answer = read_json(reports / name / "summary.json")["answer"]
             print(f"{name}: {answer['sentence']}")
             for line in answer["more"]:
-                if "stored" in line:
+                if "stored" in line or "speed sensor, which" in line:
                     print(f"    {line}")
     return max(code, verdict(data))
 

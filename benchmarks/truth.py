@@ -33,6 +33,7 @@ MISSIONS: dict[str, tuple[str, str, str]] = {
     "sg171": ("seaglider/sg171_ekamsat2024", "p*.nc", "vehicle: seaglider\n"),
     "amadeus": ("slocum/misc", "amadeus*", "vehicle: slocum-g2\n"),
     "maria": ("slocum/maria997", "*", "vehicle: slocum-deep\n"),
+    "sea063": ("seaexplorer/sea063_ad2cp", "*.gz", "vehicle: seaexplorer\n"),
     "sg249": ("seaglider/sg249_nanoos2024", "p*.nc", "vehicle: seaglider-sgx\n"),
     "sg542": ("seaglider/sg542", "p*.nc", "vehicle: seaglider\n"),
     "sg167": ("seaglider/sg167", "p*.nc", "vehicle: seaglider\n"),

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
-from pipeline.ingest.headers import CALENDAR, calendar, is_magnetic, meant, quantity
+from pipeline.ingest.headers import BEAMS, CALENDAR, PROFILER, calendar, is_magnetic, meant, quantity
 from pipeline.ingest.text import UNNAMED
 from pipeline.ingest.units import QUANTITIES, convert, known
 from pipeline.mission import Table, TableColumn
@@ -118,6 +118,8 @@ def match(
     for name, word in _LIKELIER.items():
         if name in sources:
             sources[name] = sorted(sources[name], key=partial(_without, word))
+    if not set(BEAMS) <= set(sources):
+        left += [source.column for name in PROFILER for source in sources.pop(name, [])]
     left = [column for column in left if not column.startswith(UNNAMED)]
     if left:
         notes.append(Finding("note", file, "", f"columns that are not read: {', '.join(left)}"))
@@ -226,6 +228,8 @@ def converted(
     import numpy as np
     import pandas as pd
 
+    from pipeline.ingest import adcp
+
     table, about = _zoned(clocks[0], table, file)
     seconds, told, notes = _clock(raw, clocks, table, file)
     notes += about
@@ -241,12 +245,19 @@ def converted(
             told.append(f"'{source.column}' is {name} in {unit}")
     out, about = _true_heading(out, sources, table, file)
     notes += about
+    named = {name: source.column for name, source in sources.items() if name not in PROFILER}
+    if set(BEAMS) <= set(out):
+        beams = [out.pop(name) for name in BEAMS]
+        pressure = out.pop("profiler_pressure", np.full(len(raw), np.nan))
+        measured = adcp.by_beams(np.column_stack(beams), pressure)
+        out |= {str(name): measured[name].to_numpy() for name in measured}
+        named["speed_through_water"] = sources[BEAMS[0]].column
     if told:
         notes.append(Finding("note", file, "", "guessed from header and range: " + ", ".join(told)))
     frame = pd.DataFrame(out)
     frame.attrs = {
         "name": file,
-        "columns": {"time": clocks[0].column} | {name: source.column for name, source in sources.items()},
+        "columns": {"time": clocks[0].column} | named,
     }
     return frame, notes
 

@@ -42,6 +42,11 @@ _SYNONYMS: dict[str, str] = {
     "latitude": "latitude lat gps_lat gps_latitude 纬度",
     "longitude": "longitude lon long lng gps_lon gps_longitude 经度",
     "magnetic_variation": "magnetic_variation mag_var magvar magnetic_declination gps_mag_var gps_magvar",
+    "profiler_pressure": "ad2cp_pressure",
+    "beam_fore": "ad2cp_v1_cn1",
+    "beam_port": "ad2cp_v2_cn1",
+    "beam_aft": "ad2cp_v3_cn1",
+    "beam_starboard": "ad2cp_v4_cn1",
 }
 _BY_NAME = {word: name for name, words in _SYNONYMS.items() for word in words.split()}
 
@@ -63,6 +68,11 @@ _IMPLIED = {
     "m_pressure": "bar",
     "m_battpos": "in",
     "m_gps_mag_var": "-rad",
+    "ad2cp_pressure": "dbar",
+    "ad2cp_v1_cn1": "m/s",
+    "ad2cp_v2_cn1": "m/s",
+    "ad2cp_v3_cn1": "m/s",
+    "ad2cp_v4_cn1": "m/s",
     "北京时间": "UTC+8",
 }
 #: Brackets as wide as the Chinese characters beside them.
@@ -73,6 +83,11 @@ _REVERSED = {"platform_pitch_fore_down": "pitch", "platform_roll_starboard_up": 
 _MAGNETIC = {"m_heading", "eng_head", "magnetic_heading", "mag_heading", "heading_mag", "heading_magnetic"}
 #: Of a receiver, in the OceanGliders and EGO formats: positions that are fixes, and a clock of their own.
 _FIXES = {"time_gps": "time", "latitude_gps": "latitude", "longitude_gps": "longitude"}
+#: Beams of a Doppler profiler by the positions of the heads, and what is read with them.
+BEAMS = ("beam_fore", "beam_port", "beam_aft", "beam_starboard")
+PROFILER = (*BEAMS, "profiler_pressure")
+#: A SeaExplorer's clock of its profiler, and how it is written.
+PROFILER_CLOCK = ("ad2cp_time", "%m%d%y %H:%M:%S")
 #: Flags of the same scale by another name: of IMOS, SOCIB and QARTOD.
 _FLAGGED = re.compile(r"^(?:(?P<name>.+)_(?:qc|quality_control|qartod_primary_flag)|qc_(?P<behind>.+))$", re.IGNORECASE)
 
@@ -172,6 +187,11 @@ def of_receiver(header: str) -> str | None:
     plain = _plain(re.sub(r"[(\[].*", "", header))
     name = _FIXES.get(plain.removesuffix("_qc"))
     return f"{name}_qc" if name and plain.endswith("_qc") else name
+
+
+def is_profiler_clock(header: str) -> bool:
+    """Return whether column `header` is the clock of a Doppler profiler beside that of the payload."""
+    return _plain(header) == PROFILER_CLOCK[0]
 
 
 def calendar(columns: list[str]) -> dict[str, str]:

@@ -2,7 +2,8 @@
 
 A text or Parquet file is one sheet. A netCDF file has one for each dimension on which a time stands: every instrument
 its own clock, as in the files of pyglider, of ERDDAP, of dbd2netCDF, and of the OceanGliders format (OG1). The fixes of
-a receiver that have a time beside that of the measurements (OG1, EGO: ``TIME_GPS``) are a sheet by themselves.
+a receiver that have a time beside that of the measurements (OG1, EGO: ``TIME_GPS``) are a sheet by themselves, and so
+are the beams of a Doppler profiler (SeaExplorer: ``AD2CP_TIME``).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding
 from pipeline.ingest.columns import Candidates
-from pipeline.ingest.headers import of_receiver, quantity
+from pipeline.ingest.headers import BEAMS, PROFILER, PROFILER_CLOCK, is_profiler_clock, of_receiver, quantity
 from pipeline.ingest.numerals import is_numeral
 from pipeline.ingest.text import left_out, no_numbers
 
@@ -104,7 +105,7 @@ def sheets(path: Path) -> list[Sheet]:
         found = [Sheet(path, layout.names, layout.units, layout=layout)]
     if not found:
         raise UnreadableError("no table", "a header line and records", "file left out")
-    return [part for sheet in found for part in _fixes_apart(sheet)]
+    return [part for sheet in found for own in _fixes_apart(sheet) for part in _profiler_apart(own)]
 
 
 def _fixes_apart(sheet: Sheet) -> list[Sheet]:
@@ -121,6 +122,21 @@ def _fixes_apart(sheet: Sheet) -> list[Sheet]:
         part = replace(sheet, columns=names, units=below, others=[*sheet.others, *others], fixes=names != rest)
         parts.append(part)
     return parts
+
+
+def _profiler_apart(sheet: Sheet) -> list[Sheet]:
+    """Return `sheet`, the beams of a Doppler profiler as a sheet of their own where they have a clock of their own."""
+    units = dict(zip(sheet.columns, sheet.units, strict=True))
+    clock = next((column for column in sheet.columns if is_profiler_clock(column)), None)
+    ours = [column for column in sheet.columns if quantity(column, units[column])[0] in PROFILER]
+    if clock is None or len(ours) < len(BEAMS):
+        return [sheet]
+    rest = [column for column in sheet.columns if column not in (clock, *ours)]
+    below = [PROFILER_CLOCK[1], *(units[name] for name in ours)]
+    return [
+        replace(sheet, columns=rest, units=[units[name] for name in rest], others=[*sheet.others, clock, *ours]),
+        replace(sheet, columns=[clock, *ours], units=below, others=[*sheet.others, *rest], meanings={clock: "time"}),
+    ]
 
 
 def _of_netcdf(path: Path) -> list[Sheet]:

@@ -70,7 +70,7 @@ _POSITION = Dimension("position", {"deg": (1.0, 0.0), "rad": (180.0 / math.pi, 0
 _SALINITY = Dimension("practical salinity", {"1": (1.0, 0.0)})
 
 #: What a plain table may hold besides time, and its kind. `depth` and `salinity` become pressure and conductivity,
-#: `magnetic_variation` turns a magnetic heading true.
+#: `magnetic_variation` turns a magnetic heading true, the beams of a Doppler profiler become a speed through water.
 QUANTITIES: dict[str, Dimension] = {
     "pressure": _PRESSURE,
     "depth": _LENGTH,
@@ -92,6 +92,11 @@ QUANTITIES: dict[str, Dimension] = {
     "latitude": _POSITION,
     "longitude": _POSITION,
     "magnetic_variation": _ANGLE,
+    "profiler_pressure": _PRESSURE,
+    "beam_fore": _SPEED,
+    "beam_port": _SPEED,
+    "beam_aft": _SPEED,
+    "beam_starboard": _SPEED,
 }
 
 _SPELLINGS = {
@@ -312,7 +317,7 @@ def by_range(values: Array, name: str) -> str:
             return "rpm" if top > 60 else "rev/s"
         case "battery_voltage":
             return "mv" if top > 1000 else "v"
-        case "speed_through_water" | "speed_through_water_std":
+        case _ if QUANTITIES[name] is _SPEED:
             return "cm/s" if top > 5 else "m/s"
         case "depth":
             return "-m" if float(np.median(values[np.isfinite(values)])) < -2 else "m"

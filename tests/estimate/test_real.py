@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.truth import (
@@ -16,7 +17,7 @@ from benchmarks.truth import (
     with_stored_polar,
 )
 from pipeline.estimate.stage import Estimated
-from pipeline.records import of_method
+from pipeline.records import Quality, of_method
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,19 @@ def test_decimated_logs_from_stratified_water_have_a_speed(data: Path, tmp_path:
     assert seen.mean() > 0.5
     assert "no finite estimate was found" not in set(found["reason"])
     assert 0.25 < found["speed"][seen].median() < 0.45
+
+
+def test_a_seaexplorers_assumed_polar_has_intervals_that_hold_the_speed_of_its_profiler(
+    data: Path, tmp_path: Path
+) -> None:
+    """Its own pitch reads 2° off that of the profiler, and its lift is half of what is assumed."""
+    real = read("sea063", data, tmp_path)
+    found = of_method(estimated(real).estimates, "kinematic")
+    measured, flag = real.records["speed_through_water"], real.records["speed_through_water_qc"]
+    seen = found["observable"].to_numpy() & (flag == Quality.GOOD).to_numpy() & measured.notna().to_numpy()
+    assert seen.sum() > 80
+    gap = np.abs(found["speed"] - measured)[seen]
+    assert np.mean(gap < 1.96 * np.hypot(found["speed_std"], real.records["speed_through_water_std"])[seen]) > 0.9
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.findings import InputError
-from pipeline.ingest import fills, headers, recognise, table, times, units
+from pipeline.ingest import adcp, fills, headers, recognise, table, times, units
 from pipeline.mission import Mission, load
 
 START = 1466553600.0  # 2016-06-22 00:00 UTC
@@ -77,7 +77,10 @@ def make(tmp_path: Path) -> Callable[..., Mission]:
         ("batt_voltage_mV", "battery_voltage", "mv"),
         ("m_battery", "battery_voltage", None),
         ("battery [mm]", None, None),
-        ("AD2CP_PRESSURE", None, None),
+        ("AD2CP_PRESSURE", "profiler_pressure", "dbar"),
+        ("AD2CP_V1_CN1", "beam_fore", "m/s"),
+        ("AD2CP_V1_CN2", None, None),
+        ("AD2CP_PITCH", None, None),
         ("vel_over_ground_N", None, None),
         ("Pa", None, None),
         ("q", None, None),
@@ -715,7 +718,7 @@ def test_dates_of_a_seaexplorer_have_the_day_first(make: Callable[..., Mission])
 
 def test_seaexplorer_logs_need_no_mapping(data: Path, make: Callable[..., Mission]) -> None:
     files = {path.name: path.read_bytes() for path in sorted((data / "seaexplorer/sea063_ad2cp").glob("*.gz"))}
-    attitude, ctd = table.read(make(files)).streams
+    attitude, _, ctd = table.read(make(files)).streams
     assert (len(attitude), len(ctd)) == (271, 164)
     assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
     assert ctd["conductivity"].median() == pytest.approx(1.5, abs=1.0)  # the Baltic: 8 to 20 mS/cm
@@ -760,6 +763,89 @@ def test_parquet_is_read_with_its_own_units_and_zones(make: Callable[..., Missio
     (stream,) = table.read(make({})).streams
     assert stream["time"].tolist() == [START, START + 1]
     assert stream["pressure"].tolist() == [10.0, 20.0]
+
+
+BEAMS = "PLD_REALTIMECLOCK;LEGATO_PRESSURE;AD2CP_TIME;AD2CP_HEADING;AD2CP_PITCH;AD2CP_PRESSURE;" + ";".join(
+    f"AD2CP_V{k}_CN{cell}" for cell in (1, 2) for k in (1, 2, 3, 4)
+)
+
+
+def _row(second: int, speed: float, side: float = 0.02, pressure: float = 50.0) -> str:
+    """Return a record of a SeaExplorer that moves forward through still water and sinks through it."""
+    along, across = speed * np.sin(np.radians(47.5)), np.cos(np.radians(25.0))
+    normal = side / across
+    beams = [normal * np.cos(np.radians(47.5)) - along, side, normal * np.cos(np.radians(47.5)) + along, side]
+    values = ";".join(f"{value:.6f}" for value in beams * 2)
+    return f"23/08/2021 23:23:{second + 9:02d}.500;{pressure};082321 23:23:{second:02d};240;-16;{pressure};{values}\n"
+
+
+def test_the_beams_of_a_profiler_are_a_speed_sensor_on_its_own_clock(make: Callable[..., Mission]) -> None:
+    rows = _row(0, 0.35) + _row(10, 0.30) + _row(20, 0.25, pressure=3.0)
+    rows += "23/08/2021 23:23:40.500;50;082321 23:23:31;" + ";".join(["9999.0"] * 11) + "\n"
+    logs = table.read(make({"sea063.22.pld1.sub.120": f"{BEAMS}\n{rows}"}))
+    streams = {tuple(stream.columns): stream for stream in logs.streams}
+    sensor = streams["time", "speed_through_water", "speed_through_water_std", "speed_through_water_qc"]
+    first = pd.Timestamp("2021-08-23T23:23:00Z").timestamp()
+    assert sensor["time"].tolist() == [first, first + 10.0, first + 20.0, first + 31.0]
+    upward = 0.02 / np.cos(np.radians(25.0))
+    np.testing.assert_allclose(sensor["speed_through_water"][:3], np.hypot([0.35, 0.30, 0.25], upward), rtol=1e-5)
+    assert sensor["speed_through_water_std"][:3].tolist() == [0.01, 0.01, 0.01]
+    assert sensor["speed_through_water_qc"].tolist() == [1, 1, 3, 9]
+    assert all("speed_through_water" not in stream for key, stream in streams.items() if "pressure" in key)
+    assert any("'AD2CP_TIME' is time" in str(finding) for finding in logs.findings)
+
+
+def test_three_beams_are_no_speed_sensor(make: Callable[..., Mission]) -> None:
+    text = f"{BEAMS}\n{_row(0, 0.35)}".replace("AD2CP_V4_CN1", "AD2CP_ALT")
+    logs = table.read(make({"sea063.22.pld1.sub.120": text}))
+    assert not any("speed_through_water" in stream for stream in logs.streams)
+    unread = " ".join(str(finding) for finding in logs.findings if "not read" in str(finding))
+    assert "AD2CP_V1_CN1" in unread
+    assert "AD2CP_PRESSURE" in unread
+
+
+@given(
+    noise=st.floats(0.002, 0.03),
+    velocity=st.tuples(st.floats(0.1, 1.0), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)),
+    seed=st.integers(0, 99),
+)
+def test_noise_of_the_beams_is_found_by_their_redundancy(
+    noise: float, velocity: tuple[float, float, float], seed: int
+) -> None:
+    away = np.array(
+        [
+            [-np.sin(adcp.ALONG), 0.0, np.cos(adcp.ALONG)],
+            [0.0, -np.sin(adcp.ACROSS), np.cos(adcp.ACROSS)],
+            [np.sin(adcp.ALONG), 0.0, np.cos(adcp.ALONG)],
+            [0.0, np.sin(adcp.ACROSS), np.cos(adcp.ACROSS)],
+        ]
+    )
+    true = np.tile(away @ np.array(velocity), (400, 1))
+    still = adcp.by_beams(true, np.full(400, 50.0))
+    np.testing.assert_allclose(still["speed_through_water"], np.linalg.norm(velocity))
+    noisy = adcp.by_beams(true + noise * np.random.default_rng(seed).standard_normal(true.shape), np.full(400, 50.0))
+    wanted = max(noise / np.sqrt(2.0) / np.sin(adcp.ALONG), adcp.FLOOR)
+    assert noisy["speed_through_water_std"][0] == pytest.approx(wanted, rel=0.3)
+
+
+def test_the_beams_of_a_real_seaexplorer_agree_with_its_depth_rate(data: Path, make: Callable[..., Mission]) -> None:
+    """The path that its depth rate and the speed make is 3 to 8° steeper than the pitch of the profiler."""
+    files = {path.name: path.read_bytes() for path in sorted((data / "seaexplorer/sea063_ad2cp").glob("*.gz"))}
+    streams = table.read(make(files)).streams
+    sensor = next(stream for stream in streams if "speed_through_water" in stream)
+    ctd = next(stream for stream in streams if "conductivity" in stream)
+    raw = pd.concat(pd.read_csv(path, sep=";") for path in sorted((data / "seaexplorer/sea063_ad2cp").glob("*pld1*")))
+    assert len(sensor) == len(raw) == 164
+    good = sensor[(sensor["speed_through_water_qc"] == 1) & sensor["speed_through_water"].between(0.1, 0.8)]
+    assert len(good) > 120
+    rate = np.gradient(ctd["pressure"], ctd["time"]) * 0.99
+    sinking = np.interp(good["time"], ctd["time"], rate)
+    pitch = np.abs(raw["AD2CP_PITCH"].to_numpy()[good.index])
+    steepness = np.degrees(np.arcsin(np.clip(np.abs(sinking) / good["speed_through_water"], 0.0, 1.0)))
+    for way in (1.0, -1.0):
+        leg = (way * sinking > 0.05) & (pitch < 25.0)
+        assert leg.sum() > 40
+        assert 3.0 < np.median(steepness[leg] - pitch[leg]) < 8.0
 
 
 def test_a_damaged_parquet_file_is_left_out_with_one_error(make: Callable[..., Mission], tmp_path: Path) -> None:
@@ -919,7 +1005,7 @@ def test_seaexplorer_text_is_read_through_a_mapping(data: Path, make: Callable[.
     time: {column: PLD_REALTIMECLOCK, unit: '%d/%m/%Y %H:%M:%S.%f'}
     columns: {conductivity: {column: LEGATO_CONDUCTIVITY, unit: mS/cm}}
 """
-    attitude, ctd = table.read(make(files, yaml)).streams
+    attitude, _, ctd = table.read(make(files, yaml)).streams
     assert (len(attitude), len(ctd)) == (271, 164)
     assert attitude["time"].iloc[0] == pd.Timestamp("2021-08-23T23:22:20Z").timestamp()
     assert attitude["latitude"].iloc[0] == pytest.approx(55.4897, abs=1e-4)
