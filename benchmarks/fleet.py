@@ -51,6 +51,8 @@ NET_BUOYANCY = (2.0, 12.0)
 WATER_STD, WATER_TIME = (0.0, 0.03), (100.0, 1000.0)
 PITCH_NOISE_DEG, DEPTH_NOISE = (0.05, 0.5), (0.01, 0.10)
 SAMPLING_S = (1.0, 8.0)
+#: Sampling as in logs sent home during a mission.
+SPARSE_S = (20.0, 60.0)
 LOST = (0.0, 0.2)
 PAUSE_S = (60.0, 300.0)
 DIVES, DEPTH = (2, 6), (50.0, 1000.0)
@@ -217,8 +219,11 @@ def _open(craft: Vehicle) -> dict[str, tuple[float, float]]:
     return {name: (value, std) for name, (value, std) in known.items() if math.isfinite(value) and std > 0.0}
 
 
-def plan_of(seed: int, again: int = 0) -> Flight:
-    """Return the mission with this `seed`, drawn `again` so often: the same every time, whatever was drawn before."""
+def plan_of(seed: int, again: int = 0, sampling: tuple[float, float] = SAMPLING_S) -> Flight:
+    """Return the mission with this `seed`, drawn `again` so often: the same every time, whatever was drawn before.
+
+    Its CTD and attitude sensor are sampled every so many seconds, between the two of `sampling`.
+    """
     rng = np.random.default_rng([seed, 0xF1EE7, again])
     named = vehicles()
     propelled = [name for name in named if _load(name).propeller is not None]
@@ -233,7 +238,7 @@ def plan_of(seed: int, again: int = 0) -> Flight:
     power = "none"
     if name in propelled and rng.uniform() < POWERED:
         power = str(rng.choice(["climbs", "dives and climbs", "level"]))
-    plan = replace(_instruments(rng), name=f"fleet-{seed}", vehicle=craft)
+    plan = replace(_instruments(rng, sampling), name=f"fleet-{seed}", vehicle=craft)
     plan = _mission(plan, _Orders.drawn(craft, power, rng), injection.buoyancy_offset, rng)
     return Flight(seed, again, plan, injection, pitch_std, ballast_std, bool(rng.uniform() < 0.7), power, draws)
 
@@ -243,8 +248,8 @@ def fly(flight: Flight) -> Flown:
     return _logged(flight, run(flight.plan, flight.seed, flight.injection))
 
 
-def first_flown(seed: int) -> tuple[Flight, Flown]:
-    """Return the first mission with this `seed` that its vehicle carries out.
+def first_flown(seed: int, sampling: tuple[float, float] = SAMPLING_S) -> tuple[Flight, Flown]:
+    """Return the first mission with this `seed` that its vehicle carries out, sampled as in `plan_of`.
 
     Raises
     ------
@@ -252,7 +257,7 @@ def first_flown(seed: int) -> tuple[Flight, Flown]:
         If it carries out none of `DRAWS`.
     """
     for again in range(DRAWS):
-        flight = plan_of(seed, again)
+        flight = plan_of(seed, again, sampling)
         try:
             simulated = run(flight.plan, flight.seed, flight.injection)
         except InputError as error:
@@ -291,7 +296,7 @@ def _between(rng: np.random.Generator, least: float, most: float) -> float:
     return float(np.exp(rng.uniform(math.log(least), math.log(most))))
 
 
-def _instruments(rng: np.random.Generator) -> Plan:
+def _instruments(rng: np.random.Generator, sampling: tuple[float, float]) -> Plan:
     """Return a plan with instruments, disturbances and place drawn; what is flown is put in later."""
     pauses = rng.uniform() < 0.5
     return Plan(
@@ -314,8 +319,8 @@ def _instruments(rng: np.random.Generator) -> Plan:
         battery_range=0.3,
         pitch_slew_deg=TURNING_DEG_S,
         pitch_deadband_deg=0.1,
-        ctd_s=_between(rng, *SAMPLING_S),
-        attitude_s=_between(rng, *SAMPLING_S),
+        ctd_s=_between(rng, *sampling),
+        attitude_s=_between(rng, *sampling),
         engine_s=8.0,
         sample_noise={
             "pitch": _between(rng, *PITCH_NOISE_DEG),

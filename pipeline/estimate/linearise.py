@@ -330,7 +330,7 @@ def pitching(series: Series, settings: Settings) -> tuple[Pitching, np.ndarray]:
     s, quick = settings, series.manoeuvre
     left = np.where(quick, s.turn_drift_manoeuvre, s.turn_drift)
     seen = np.isfinite(series.turn) & np.isfinite(left)
-    drift = np.where(quick, s.pitch_drift_manoeuvre, s.pitch_drift + series.swinging)
+    drift = np.maximum(np.where(quick, s.pitch_drift_manoeuvre, s.pitch_drift + series.swinging), series.hiding)
     return Pitching(np.where(seen, series.turn, 0.0), np.where(seen, left, drift)), seen
 
 

@@ -36,6 +36,8 @@ GAP = 2.5
 BACKWARDS = 0.02
 #: A gap in pitch longer than this (s), with pitch this far apart (rad) at its ends, hides a turn.
 BLIND, UNSEEN = 15.0, np.radians(5.0)
+#: Where depth says that pitch turned and came back between two samples, it was this far (rad, 1-sigma) from them.
+ASTRAY = np.radians(35.0)
 #: Settings reported more often than this (s) are reported whether they change or not.
 REGULAR = 60.0
 #: V comes to be anything in no less than this (s).
@@ -70,6 +72,7 @@ class Series:
     cruising: np.ndarray  # bool: powered level flight, steady
     new_setting: np.ndarray  # bool: the propeller's setting differs from that of the last cruise
     swinging: np.ndarray  # rad2/s, random walk of θ that a slow turn amounts to, beyond what noise looks like
+    hiding: np.ndarray  # rad2/s, random walk of θ that a turn hidden between two samples amounts to
     leaping: np.ndarray  # bool: depth leaps from here to its next record, farther than a vehicle can move
 
     def __getitem__(self, part: slice) -> Series:
@@ -160,7 +163,9 @@ def from_records(records: pd.DataFrame) -> Series:
     turning, pumping = np.abs(_rate(time, pitch_guess, 12.0)), _pumping(time, records)
     logged = bool(np.isfinite(records["buoyancy_volume"]).any())
     switched = near(time, np.diff(driven, prepend=driven[:1]), AFTER, AFTER)
-    hidden = (rate * np.sin(pitch_guess) > BACKWARDS) | (np.diff(time, append=time[-1]) > PAUSE) | _unseen(time, pitch)
+    backwards = rate * np.sin(pitch_guess) > BACKWARDS
+    unseen, hiding = _unseen(time, pitch, backwards)
+    hidden = backwards | (np.diff(time, append=time[-1]) > PAUSE) | unseen
     manoeuvre = _manoeuvre(time, (turning > TURNED) | pumping | hidden, phase, driven)
     manoeuvre |= near(time, leaping, BEFORE, AFTER)
     free = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER) | near(time, surfaced, AFTER, AFTER)
@@ -191,6 +196,7 @@ def from_records(records: pd.DataFrame) -> Series:
         cruising=cruising,
         new_setting=_new_setting(cruising, records),
         swinging=_swinging(time, pitch, pitch_guess),
+        hiding=hiding,
         leaping=leaping,
     )
 
@@ -244,17 +250,24 @@ def _pumping(time: np.ndarray, records: pd.DataFrame) -> np.ndarray:
     return np.asarray(np.abs(_rate(time, _interpolate(time, volume), 8.0)) > max(PUMPED * stroke, LEAKED))
 
 
-def _unseen(time: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-    """Return where pitch is not measured and turned meanwhile, boolean of shape (m,)."""
+def _unseen(time: np.ndarray, pitch: np.ndarray, backwards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where pitch is not measured and turned meanwhile, and the random walk that this amounts to, (m,) each.
+
+    Half-way between two samples the walk, boolean and rad²/s, leaves open half of what pitch turned from one to the
+    other, and `ASTRAY` where the vehicle would have flown backwards with the pitch between them.
+    """
     known = np.flatnonzero(np.isfinite(pitch))
-    hidden = np.zeros(time.size, dtype=bool)
+    hidden, walk = np.zeros(time.size, dtype=bool), np.zeros(time.size)
     if known.size < 2:
-        return hidden
-    gap = np.diff(time[known])
-    turned = (gap > max(BLIND, GAP * float(np.median(gap)))) & (np.abs(np.diff(pitch[known])) > UNSEEN)
-    for k in np.flatnonzero(turned):
-        hidden[known[k] : known[k + 1]] = True
-    return hidden
+        return hidden, walk
+    gap, turn = np.diff(time[known]), np.abs(np.diff(pitch[known]))
+    against = np.diff(np.concatenate([[0], np.cumsum(backwards)])[known]) > 0
+    long = gap > max(BLIND, GAP * float(np.median(gap)))
+    for k in np.flatnonzero((gap > BLIND) & ((turn > UNSEEN) | against)):
+        between = slice(known[k], known[k + 1])
+        hidden[between] = long[k] or against[k]
+        walk[between] = max(turn[k], 2.0 * ASTRAY if against[k] else 0.0) ** 2 / gap[k]
+    return hidden, walk
 
 
 def _loose(time: np.ndarray, free: np.ndarray) -> np.ndarray:

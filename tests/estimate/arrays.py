@@ -18,7 +18,7 @@ def series(time: np.ndarray, pitch: np.ndarray | float, depth: np.ndarray | floa
     m = time.size
     pitch, depth = np.broadcast_to(pitch, m).copy(), np.broadcast_to(depth, m).copy()
     nothing, never = np.full(m, np.nan), np.zeros(m, dtype=bool)
-    still = dict.fromkeys(("depth_rate_guess", "turning", "loose", "swinging"), np.zeros(m))
+    still = dict.fromkeys(("depth_rate_guess", "turning", "loose", "swinging", "hiding"), np.zeros(m))
     measured = {"depth": depth, "pitch": pitch, "pitch_guess": pitch, **still}
     unmeasured = dict.fromkeys(("turn", "speed", "speed_std", "east", "north", "heading", "stratification"), nothing)
     flags = {field.name for field in fields(Series)} - {"start", "time", *measured, *unmeasured}

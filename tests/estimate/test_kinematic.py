@@ -10,13 +10,14 @@ import pytest
 from dives import fly
 from truth import Trial
 
+from benchmarks import fleet
 from pipeline.estimate import smoother, stage
 from pipeline.estimate.linearise import CRUISE, FOLLOWED, SPEED, Considered, Sources, Trajectory, follow, linearise
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import first_guess, iterate
 from pipeline.mission import Mission
 from pipeline.model.steady import trim_at_pitch
-from pipeline.records import ESTIMATES, Phase, conform
+from pipeline.records import ESTIMATES, Phase, conform, of_method, seconds
 from pipeline.vehicle import Vehicle, load
 
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
@@ -328,6 +329,22 @@ def test_the_speed_of_a_cruise_moves_the_position_and_not_the_depth() -> None:
     np.testing.assert_allclose(other.rows[:-1, 0, SPEED], -4.0 * np.sin(pitch))
     np.testing.assert_allclose(cruise.rows[:-1, 3, CRUISE], 4.0 * np.cos(pitch))
     np.testing.assert_allclose(cruise.shift[:-1, 0, 0], other.shift[:-1, 0, 0] - 4.0 * 0.8 * np.sin(pitch))
+
+
+@pytest.mark.parametrize("seed", [41003, 41062])
+def test_short_yos_whose_turns_pitch_does_not_show_do_not_become_motion_of_the_water(
+    seed: int,
+) -> None:
+    """Legs of two minutes, pitch once a minute: what it was between two samples is open, not on a straight line."""
+    _, flown = fleet.first_flown(seed, fleet.SPARSE_S)
+    found = of_method(stage.estimate(flown.records, flown.vehicle, flown.mission).estimates, "kinematic")
+    true = np.interp(seconds(flown.records["time"]), seconds(flown.truth["time"]), flown.truth["speed"])
+    seen = found["observable"].to_numpy()
+    gap = np.abs(found["speed"] - true)[seen]
+    assert seen.mean() > 0.05
+    assert np.mean(gap < 1.96 * found["speed_std"][seen]) > 0.9
+    assert np.sqrt(np.mean(gap**2)) < 0.15
+    assert np.abs(found["vertical_water_velocity"][seen]).max() < 0.1
 
 
 def test_slow_changes_of_the_depth_rate_under_power_do_not_draw_the_speed_up() -> None:

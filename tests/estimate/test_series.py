@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.series import AFTER, BEFORE, changed_within, from_records, held, increasing, powered
+from pipeline.estimate.series import AFTER, ASTRAY, BEFORE, changed_within, from_records, held, increasing, powered
 from pipeline.records import MEASURED, RECORDS, Phase, conform, timestamps
 
 
@@ -102,6 +102,27 @@ def test_a_gap_that_hides_a_turn_of_pitch_is_a_manoeuvre() -> None:
         assert not found.loose[:540].any()
     often = np.where(time % 30.0 == 0.0, -0.4 - 0.002 * time, np.nan)  # a sample every half a minute hides nothing
     assert not from_records(flight(pitch=often, **logged)).loose[100:-100].any()
+
+
+def test_between_two_samples_of_pitch_it_may_have_been_where_the_turn_or_the_depth_says() -> None:
+    """Half-way between its ends a random walk of intensity q over a gap T has the variance q T / 4."""
+    time = np.arange(1200.0)
+    turned = [np.where(time < 590.0, -0.4, after) for after in (-0.8, 0.4)]
+    apex = 0.2 * np.minimum(time, 1180.0 - time)
+    between = np.where(np.abs(time - 570.0) < 25.0, 228.0 - 0.2 * time, 0.2 * time)
+    for pitch, depth, open_, manoeuvre in (
+        (np.full(1200, -0.4), 0.2 * time, 0.0, False),
+        (turned[0], 0.2 * time, 0.2, True),  # half of the turn from one sample to the next
+        (turned[1], apex, ASTRAY, True),  # a straight line from one to the other would sink nose up
+        (np.full(1200, -0.4), between, ASTRAY, True),  # and rise nose down
+    ):
+        seen = np.where(time % 60.0 == 0.0, pitch, np.nan)
+        found = from_records(flight(pitch=seen, depth=depth))
+        known = np.flatnonzero(np.isfinite(seen))
+        gap = slice(known[known < 590][-1], known[known > 590][0])
+        np.testing.assert_allclose(np.sqrt(found.hiding[gap] * 60.0) / 2.0, open_)
+        assert found.manoeuvre[gap].all() == manoeuvre
+        assert not from_records(flight(pitch=pitch, depth=depth)).hiding.any(), "every sample seen"
 
 
 def test_sinking_nose_up_is_a_manoeuvre() -> None:
