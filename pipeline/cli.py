@@ -371,7 +371,9 @@ def _stage(
 
     os.environ.update(ONE_THREAD)
     if not (folder / FILE).is_file():
-        raise InputError(str(folder), found="no mission.yaml", expected="the folder of one mission")
+        several = any(folder.glob(f"*/{FILE}"))
+        remedy = f"'seatrial run {folder}' does every stage of all missions in it" if several else ""
+        raise InputError(str(folder), found="no mission.yaml", expected="the folder of one mission", remedy=remedy)
     planned = plan(folder, processed, reports, engine)
     _writable(processed, reports)
     outcomes = planned.failed or [campaign.run_stage(planned.jobs[0], stage, force=force)]

@@ -130,6 +130,14 @@ class TestWrongUsageIsTwo:
         line = "nowhere: found no mission.yaml; expected the folder of one mission\n"
         assert seatrial("ingest", "nowhere", cwd=tmp_path) == (2, "", line)
 
+    def test_a_stage_of_a_folder_of_missions(self, tmp_path: Path) -> None:
+        mission(tmp_path / "raw" / "a")
+        line = (
+            "raw: found no mission.yaml; expected the folder of one mission; "
+            "'seatrial run raw' does every stage of all missions in it\n"
+        )
+        assert seatrial("ingest", "raw", cwd=tmp_path) == (2, "", line)
+
     def test_a_scheduler_without_dask(self, tmp_path: Path) -> None:
         mission(tmp_path / "raw" / "a")
         code, _, error = seatrial("run", "--scheduler", "tcp://127.0.0.1:1", cwd=tmp_path)
