@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import mission as missions
+from pipeline.conventions import from_seaglider
 from pipeline.estimate import adjust, preparation, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.stage import Estimated, estimate
@@ -20,7 +21,7 @@ from pipeline.ingest import ingest
 from pipeline.mission import Mission
 from pipeline.records import RECORDS, Quality, conform, of_method, seconds, timestamps
 from pipeline.roster import resolve_vehicle
-from pipeline.vehicle import Vehicle, from_seaglider
+from pipeline.vehicle import Vehicle
 
 #: Folder below the data folder, files taken, and mission.yaml of each real mission.
 MISSIONS: dict[str, tuple[str, str, str]] = {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pipeline import mission as missions
 from pipeline import vehicle as vehicles
+from pipeline.conventions import from_seaglider
 from pipeline.findings import Finding, InputError, nearest
 from pipeline.report.figures import files
 
@@ -189,7 +190,7 @@ def resolve_vehicle(mission: Mission, constants: Mapping[str, float]) -> Vehicle
     vehicle = vehicles.load(mission.vehicle, mission.folder)
     measured = {name: constants[name] for name in ("mass", "therm_expan", "temp_ref") if name in constants}
     if measured:
-        vehicle = vehicles.from_seaglider(vehicle, measured, source="calibration constants kept in the logs")
+        vehicle = from_seaglider(vehicle, measured, source="calibration constants kept in the logs")
     for name in mission.coefficients:
         if name not in vehicles.KNOWN:
             raise InputError(

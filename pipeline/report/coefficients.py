@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from pipeline.vehicle import Vehicle, to_seaglider, to_slocum
+from pipeline.conventions import to_seaglider, to_slocum
+from pipeline.vehicle import Vehicle
 
 FILE = "coefficients.txt"
 #: Constants of both forms: the coefficient whose relative 1-sigma they have (None: chosen, exact), unit.

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.conventions import from_seaglider, from_slocum
 from pipeline.report.coefficients import text
-from pipeline.vehicle import Vehicle, from_seaglider, from_slocum, load
+from pipeline.vehicle import Vehicle, load
 
 ROW = re.compile(r"^  (\w+) +([-\d.e+]+)(?: ± ([-\d.e+]+))?")
 
