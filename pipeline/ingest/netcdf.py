@@ -6,7 +6,9 @@
 
 from __future__ import annotations
 
+import mmap
 import re
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,7 @@ Variables = dict[str, npt.NDArray[Any]]
 
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEAP = b"GCOL\x01\0\0\0"
 _ATTRIBUTES = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 
 
@@ -77,7 +80,6 @@ def series(path: Path) -> tuple[dict[tuple[str, ...], dict[str, str]], dict[str,
     UnreadableError
         As `variables`.
     """
-    import h5netcdf
     from scipy.io import netcdf_file
 
     out: dict[tuple[str, ...], dict[str, str]] = {}
@@ -86,7 +88,7 @@ def series(path: Path) -> tuple[dict[tuple[str, ...], dict[str, str]], dict[str,
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with h5netcdf.File(path, "r") if magic == _HDF5 else netcdf_file(path, "r", mmap=False) as file:
+            with _hdf5(path) if magic == _HDF5 else netcdf_file(path, "r", mmap=False) as file:
                 for name, variable in file.variables.items():
                     dtype = np.dtype(variable.dtype if magic == _HDF5 else variable.data.dtype)
                     if variable.dimensions and dtype.kind in "fiu":
@@ -118,11 +120,47 @@ def _magic(path: Path) -> bytes:
     return magic
 
 
-def _netcdf4(path: Path, wanted: re.Pattern[str]) -> dict[str, Any]:
+def _hdf5(path: Path) -> Any:
+    """Return an open netCDF-4 file, if neither its heaps nor the attributes of its root are damaged.
+
+    HDF5 never returns from a heap that holds free space of no size, and h5netcdf complains of damaged attributes
+    a second time, as the file goes, where nobody can catch it.
+
+    Raises
+    ------
+    ValueError
+        If there is such free space.
+    """
     import h5netcdf
+    import h5py
+
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        start = content.find(_HEAP)
+        while start >= 0:
+            _check_heap(content, start)
+            start = content.find(_HEAP, start + 1)
+    with h5py.File(path, "r") as plain:
+        plain.attrs.get("_nc3_strict")
+    return h5netcdf.File(path, "r")
+
+
+def _check_heap(content: mmap.mmap, start: int) -> None:
+    """Raise ValueError if free space of no size is among the objects of the heap collection at `start`.
+
+    HDF5 File Format Specification 3.0, III.E: 16 bytes of header, then objects, each of index, count, size and data.
+    """
+    at, end = start + 16, min(start + int.from_bytes(content[start + 8 : start + 16], "little"), len(content))
+    while at + 16 <= end:
+        index, size = struct.unpack_from("<H6xQ", content, at)
+        if not index and not size:
+            raise ValueError("a damaged heap")
+        at += 16 + -(-size // 8) * 8 if index else size
+
+
+def _netcdf4(path: Path, wanted: re.Pattern[str]) -> dict[str, Any]:
     import xarray
 
-    with h5netcdf.File(path, "r") as file:
+    with _hdf5(path) as file:
         return {
             name: xarray.Variable(
                 variable.dimensions,

@@ -1,5 +1,7 @@
 """Seaglider dives: what is read of which clock, what is no measurement, and what bad input gets."""
 
+import gc
+import re
 import sys
 from pathlib import Path
 
@@ -10,7 +12,8 @@ import pytest
 from scipy.io import netcdf_file
 
 from pipeline.findings import InputError
-from pipeline.ingest import adcp, ingest, seaglider
+from pipeline.ingest import adcp, ingest, netcdf, seaglider
+from pipeline.ingest.logs import UnreadableError
 from pipeline.mission import Mission
 from pipeline.records import Quality
 
@@ -189,6 +192,33 @@ def test_a_fix_that_two_dives_share_is_kept_once_and_bad_ones_are_not(tmp_path):
     }
     fixes = named(read(write(tmp_path, "p1230002.nc", dive(T0 + 100.0, **shared))))["GPS"]
     assert (fixes["time"] - T0).tolist() == [-300.0, -10.0, 60.0, 160.0]
+
+
+def test_no_bit_of_a_file_makes_noise_when_it_is_flipped(tmp_path):
+    """Warnings are errors, and so are exceptions where nobody can catch them."""
+    path = (
+        write(tmp_path, "p1230001.nc", dive().assign_attrs(title="a dive", glider="123", source="made up"))
+        / "p1230001.nc"
+    )
+    whole, rng, lost = path.read_bytes(), np.random.default_rng(0), 0
+    for place in rng.integers(0, min(len(whole), 6000), 100):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << int(rng.integers(8))]) + whole[place + 1 :])
+        try:
+            netcdf.variables(path, re.compile("time|pressure"))
+            netcdf.series(path)
+        except UnreadableError:
+            lost += 1
+        gc.collect()
+    assert lost > 3
+
+
+def test_a_sector_that_was_lost_from_a_heap_does_not_hang(tmp_path):
+    path = write(tmp_path, "p1230001.nc", dive()) / "p1230001.nc"
+    whole = path.read_bytes()
+    heap = whole.index(b"GCOL") + 64
+    path.write_bytes(whole[:heap] + bytes(512) + whole[heap + 512 :])
+    with pytest.raises(UnreadableError, match="a damaged netCDF file"):
+        netcdf.variables(path, re.compile("time"))
 
 
 def test_the_stored_solution_is_in_si_and_up_positive(tmp_path):
