@@ -78,8 +78,9 @@ def named(mission: Mission) -> dict[Path, Table]:
 def read(mission: Mission) -> Logs:
     """Return the logs of a mission kept in plain tables.
 
-    Files with the same columns that follow each other in time are one instrument. A file that is no table, has no time
-    or one that cannot be understood, or holds nothing that the records know, is left out with a finding.
+    Files with the same columns that follow each other in time, or repeat each other, are one instrument. A file that is
+    no table, has no time or one that cannot be understood, or holds nothing that the records know, is left out with a
+    finding.
 
     Raises
     ------
@@ -117,7 +118,9 @@ def read(mission: Mission) -> Logs:
     findings += [
         replace(error.finding, remedy=f"file left out; {error.finding.remedy}".rstrip("; ")) for error in failures
     ]
-    streams, doubts = pressure_and_conductivity(mission, turns.joined(streams))
+    streams, notes = turns.joined(streams)
+    findings += notes
+    streams, doubts = pressure_and_conductivity(mission, streams)
     streams, notes = turns.taken(streams)
     return Logs(streams, gather([*findings, *doubts, *notes]))
 

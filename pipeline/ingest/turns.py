@@ -4,26 +4,44 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas as pd
 
 from pipeline.findings import Finding
 from pipeline.ingest.clock import EARLIEST, LATEST
 from pipeline.records import Quality
 
+#: Of the records of a file that another one covers so many, or this share of them, may be unlike those of the other:
+#: a line that was torn as one file ended, a value that one of them lacks.
+TORN, DIFFERING = 1, 0.1
 
-def joined(streams: list[pd.DataFrame]) -> list[pd.DataFrame]:
-    """Return `streams` with those of the same columns that follow each other in time put together."""
+
+def joined(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding]]:
+    """Return `streams` with those of the same columns that follow each other in time put together.
+
+    Where a file begins before another ends and repeats its records, as pieces of a download do, or all of it, they
+    follow each other too, and what is repeated is used once.
+    """
     groups: dict[tuple[str, ...], list[list[pd.DataFrame]]] = {}
+    findings = []
     for frame in sorted(streams, key=lambda frame: _span(frame)[0]):
         rows = groups.setdefault(tuple(sorted(frame.columns)), [])
         for row in rows:
-            if _span(row[-1])[1] < _span(frame)[0]:
-                row.append(frame)
-                break
+            again = _repeated(frame, row)
+            if again is None:
+                continue
+            if again.any():
+                found = f"{again.sum()} of {len(frame)} records that another file has, too"
+                findings.append(Finding("note", str(frame.attrs["name"]), "", found, "", "used once"))
+            if not again.all():
+                rest = frame[~again]
+                rest.attrs = frame.attrs
+                row.append(rest)
+            break
         else:
             rows.append([frame])
     out = [_together(row) for rows in groups.values() for row in rows]
-    return sorted(out, key=lambda frame: str(frame.attrs["name"]))
+    return sorted(out, key=lambda frame: str(frame.attrs["name"])), findings
 
 
 def taken(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding]]:
@@ -50,6 +68,24 @@ def taken(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding
                     findings.append(Finding("note", str(frame.attrs["name"]), "", found, "", "put together in time"))
     out = [_together([piece for frame in row for piece in _pieces(frame)]) if len(row) > 1 else row[0] for row in rows]
     return sorted(out, key=lambda frame: str(frame.attrs["name"])), findings
+
+
+def _repeated(frame: pd.DataFrame, row: list[pd.DataFrame]) -> np.ndarray | None:
+    """Return which records of `frame` those of `row` repeat; None if it reports of its own while they do."""
+    begin, end = _span(frame)[0], max(_span(other)[1] for other in row)
+    if end < begin:
+        return np.zeros(len(frame), dtype=bool)
+    during = frame["time"].between(begin, end).to_numpy()
+    others = [_digest(other, frame) for other in row if _span(other)[1] >= begin]
+    again = np.asarray(during & np.isin(_digest(frame, frame), np.concatenate(others))) if others else during & False
+    differing = int(np.sum(during & ~again))
+    return again if during.any() and differing <= max(TORN, DIFFERING * during.sum()) else None
+
+
+def _digest(frame: pd.DataFrame, like: pd.DataFrame) -> np.ndarray:
+    """Return a number for each record, shape (len(frame),), that is the same where time and all columns are."""
+    numbers = frame[list(like.columns)].astype("float64")
+    return np.asarray(pd.util.hash_pandas_object(numbers, index=False))
 
 
 def _together(frames: list[pd.DataFrame]) -> pd.DataFrame:
@@ -85,11 +121,11 @@ def _span(frame: pd.DataFrame) -> tuple[float, float]:
 
 
 def _apart(frames: list[pd.DataFrame]) -> bool:
-    """Return whether no file of one of `frames` reports while a file of another does."""
+    """Return whether no file of one of `frames` reports while a file of another does; one may end as another begins."""
     spans = sorted((*_span(piece), k) for k, frame in enumerate(frames) for piece in _pieces(frame))
     ends = [-math.inf] * len(frames)
     for begin, end, k in spans:
-        if not all(other < begin for j, other in enumerate(ends) if j != k):
+        if not all(other <= begin for j, other in enumerate(ends) if j != k):
             return False
         ends[k] = max(ends[k], end)
     return True

@@ -23,14 +23,14 @@ def _file(name: str, begin: float, *columns: str, end: float | None = None) -> p
 
 
 def _names(frames: list[pd.DataFrame]) -> list[str]:
-    return [str(frame.attrs["name"]) for frame in turns.taken(turns.joined(frames))[0]]
+    return [str(frame.attrs["name"]) for frame in turns.taken(turns.joined(frames)[0])[0]]
 
 
 def test_a_file_without_a_column_stays_with_the_others_of_its_instrument() -> None:
     frames = [_file(f"{k}.csv", 10.0 * k, "pitch", "roll", "pressure") for k in (0, 2)]
     frames.append(_file("1.csv", 10.0, "pitch", "pressure").assign(pressure_qc=np.int8(1)))
     frames[-1].attrs = {"name": "1.csv", "columns": {}}
-    found, findings = turns.taken(turns.joined(frames))
+    found, findings = turns.taken(turns.joined(frames)[0])
     assert [frame.attrs["name"] for frame in found] == ["0.csv, 1.csv, 2.csv"]
     assert (np.diff(found[0]["time"]) > 0).all()
     assert found[0]["pressure"].tolist() == [0.0] * 10 + [10.0] * 10 + [20.0] * 10
@@ -50,6 +50,46 @@ def test_two_instruments_at_a_time_stay_two_though_they_share_columns() -> None:
 def test_a_file_within_a_longer_one_is_another_instrument() -> None:
     long = [_file("a.csv", 0.0, "pitch", "roll", end=100.0), _file("b.csv", 200.0, "pitch", "roll", end=210.0)]
     assert _names([*long, _file("c.csv", 50.0, "pitch")]) == ["a.csv, b.csv", "c.csv"]
+
+
+def _cut(whole: pd.DataFrame, name: str, first: int, last: int) -> pd.DataFrame:
+    part = whole.iloc[first:last]
+    part.attrs = {"name": name, "columns": {}}
+    return part
+
+
+@pytest.mark.parametrize("pieces", [[(0, 60), (40, 100)], [(0, 51), (50, 100)], [(0, 100), (20, 30)], [(0, 100)] * 3])
+def test_records_that_files_repeat_are_used_once(pieces: list[tuple[int, int]]) -> None:
+    rng = np.random.default_rng(0)
+    whole = pd.DataFrame({"time": START + np.arange(100.0), "pitch": rng.normal(size=100), "roll": np.nan})
+    found, findings = turns.joined([_cut(whole, f"{k}.csv", *piece) for k, piece in enumerate(pieces)])
+    assert len(found) == 1
+    pd.testing.assert_frame_equal(found[0], whole)
+    again = sum(last - first for first, last in pieces) - 100
+    assert sum(int(finding.found.split()[0]) for finding in findings) == again
+    assert all(str(finding).endswith("records that another file has, too; used once") for finding in findings)
+
+
+def test_a_torn_last_line_does_not_make_two_instruments_and_other_values_do() -> None:
+    whole = pd.DataFrame({"time": START + np.arange(100.0), "pitch": np.arange(100.0)})
+    first, second = _cut(whole, "a.csv", 0, 60), _cut(whole, "b.csv", 40, 100)
+    torn = first.assign(pitch=first["pitch"].where(first.index < 59, 5.0))
+    torn.attrs = first.attrs
+    (found,), _ = turns.joined([torn, second])
+    assert len(found) == 101
+    other = second.assign(pitch=second["pitch"] + 0.1)
+    other.attrs = second.attrs
+    assert len(turns.joined([first, other])[0]) == 2
+
+
+def test_a_mission_downloaded_in_overlapping_pieces_is_the_whole(mission: Mission) -> None:
+    whole = ingest(mission).records
+    logged = pd.read_csv(mission.folder / "attitude.csv")
+    (mission.folder / "attitude.csv").unlink()
+    for k in range(4):
+        part = logged.iloc[max(k * len(logged) // 4 - 10 * k, 0) : (k + 1) * len(logged) // 4]
+        part.to_csv(mission.folder / f"attitude-{k}.csv", index=False)
+    pd.testing.assert_frame_equal(ingest(load(mission.folder)).records, whole)
 
 
 def test_what_has_little_in_common_is_not_put_together() -> None:
