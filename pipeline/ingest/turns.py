@@ -22,12 +22,12 @@ def joined(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findin
     Where a file begins before another ends and repeats its records, as pieces of a download do, or all of it, they
     follow each other too, and what is repeated is used once.
     """
-    groups: dict[tuple[str, ...], list[list[pd.DataFrame]]] = {}
+    groups: dict[tuple[str, ...], list[list[tuple[pd.DataFrame, float]]]] = {}
     findings = []
-    for frame in sorted(streams, key=lambda frame: _span(frame)[0]):
+    for (begin, end), frame in sorted(((_span(frame), frame) for frame in streams), key=lambda each: each[0][0]):
         rows = groups.setdefault(tuple(sorted(frame.columns)), [])
         for row in rows:
-            again = _repeated(frame, row)
+            again = _repeated(frame, begin, row)
             if again is None:
                 continue
             if again.any():
@@ -36,11 +36,11 @@ def joined(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Findin
             if not again.all():
                 rest = frame[~again]
                 rest.attrs = frame.attrs
-                row.append(rest)
+                row.append((rest, max(end, row[-1][1])))
             break
         else:
-            rows.append([frame])
-    out = [_together(row) for rows in groups.values() for row in rows]
+            rows.append([(frame, end)])
+    out = [_together([frame for frame, _ in row]) for rows in groups.values() for row in rows]
     return sorted(out, key=lambda frame: str(frame.attrs["name"])), findings
 
 
@@ -70,16 +70,20 @@ def taken(streams: list[pd.DataFrame]) -> tuple[list[pd.DataFrame], list[Finding
     return sorted(out, key=lambda frame: str(frame.attrs["name"])), findings
 
 
-def _repeated(frame: pd.DataFrame, row: list[pd.DataFrame]) -> np.ndarray | None:
-    """Return which records of `frame` those of `row` repeat; None if it reports of its own while they do."""
-    begin, end = _span(frame)[0], max(_span(other)[1] for other in row)
+def _repeated(frame: pd.DataFrame, begin: float, row: list[tuple[pd.DataFrame, float]]) -> np.ndarray | None:
+    """Return which records of `frame`, which begins at `begin`, those of `row` repeat; None if it reports of its own.
+
+    With each of `row` goes when the last of it and of those before it ends.
+    """
+    end = row[-1][1]
     if end < begin:
         return np.zeros(len(frame), dtype=bool)
     during = frame["time"].between(begin, end).to_numpy()
-    others = [_digest(other, frame) for other in row if _span(other)[1] >= begin]
-    again = np.asarray(during & np.isin(_digest(frame, frame), np.concatenate(others))) if others else during & False
-    differing = int(np.sum(during & ~again))
-    return again if during.any() and differing <= max(TORN, DIFFERING * during.sum()) else None
+    if not during.any():
+        return None
+    others = np.concatenate([_digest(other, frame) for other, last in row if last >= begin])
+    again = np.asarray(during & np.isin(_digest(frame, frame), others))
+    return again if np.sum(during & ~again) <= max(TORN, DIFFERING * during.sum()) else None
 
 
 def _digest(frame: pd.DataFrame, like: pd.DataFrame) -> np.ndarray:
