@@ -300,7 +300,7 @@ def _zoned(clock: Source, table: Table, file: str) -> tuple[Table, list[Finding]
     """
     unit = clock.unit or ""
     offset = _OFFSET.fullmatch(unit.strip())
-    if table.timezone != "UTC" or not (offset or _LETTERS.fullmatch(unit.strip())):
+    if table.timezone != "UTC" or unit in CALENDAR or not (offset or _LETTERS.fullmatch(unit.strip())):
         return table, []
     place = f"column '{clock.column}'"
     if not offset or int(offset[3] or 0):

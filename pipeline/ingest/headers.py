@@ -10,6 +10,7 @@ from pipeline.ingest.units import QUANTITIES, known
 _SYNONYMS: dict[str, str] = {
     "time": "time timestamp datetime date_time unix_time unixtime posix posix_time epoch epoch_time utc utc_time "
     "time_utc time_unix date present_time realtimeclock sampletime sample_time obstime "
+    "datenum matlab_datenum matlab_time juld julian_date "
     "posixtime posix_seconds 时间 采样时间 日期时间 日期 北京时间",
     "pressure": "pressure pres press sea_pressure water_pressure p_dbar ctd_p prdm pr sea_water_pressure "
     "seapressure_00 压力 压强",
@@ -117,12 +118,14 @@ _PREFIXES = {
     "attitude",
 }
 
-#: Parts of a date that stand in columns of their own; the first four make a time.
-CALENDAR = ("year", "month", "day", "hour", "minute", "second")
+#: Parts of a date that stand in columns of their own, and those that make a time.
+CALENDAR = ("year", "month", "day", "day_of_year", "hour", "minute", "second")
+_SUFFICIENT = ({"year", "month", "day", "hour"}, {"year", "day_of_year"})
 _PARTS = {
     "year": "year yyyy yr",
     "month": "month mon",
     "day": "day dd mday day_of_month",
+    "day_of_year": "day_of_year doy yday yearday year_day",
     "hour": "hour hours hh hr",
     "minute": "minute minutes min mn",
     "second": "second seconds sec ss",
@@ -195,14 +198,15 @@ def is_profiler_clock(header: str) -> bool:
 
 
 def calendar(columns: list[str]) -> dict[str, str]:
-    """Return which of `columns` is which part of a date (`CALENDAR`); none unless the first four are there."""
+    """Return which of `columns` is which part of a date (`CALENDAR`); none unless they make a time."""
     found: dict[str, str] = {}
     for column in columns:
         words = _plain(re.sub(r"[(\[].*", "", column))
         part = _PART_BY_NAME.get(words) or _PART_BY_NAME.get(words.rpartition("_")[2])
         if part is not None:
             found.setdefault(part, column)
-    return {part: found[part] for part in CALENDAR if part in found} if set(CALENDAR[:4]) <= set(found) else {}
+    sufficient = any(parts <= set(found) for parts in _SUFFICIENT)
+    return {part: found[part] for part in CALENDAR if part in found} if sufficient else {}
 
 
 def _fitting(name: str | None, unit: str) -> str | None:

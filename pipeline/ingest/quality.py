@@ -267,7 +267,7 @@ def _reason(name: str, lost: Sequence[Finding]) -> str:
     """Return the finding that says best why `name` is missing: its column was left out, or else a file was."""
     about = [finding for finding in lost if finding.severity != "note"]
     columns = [finding for finding in about if name in f"{finding.where} {finding.found}"]
-    files = [finding for finding in about if "left out" in finding.remedy]
+    files = [finding for finding in about if "left out" in finding.remedy or "not read" in finding.remedy]
     return next((str(finding) for finding in [*columns, *files]), "")
 
 

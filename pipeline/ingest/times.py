@@ -122,8 +122,9 @@ def assembled(parts: dict[str, Array], timezone: str, file: str) -> Array:
     Parameters
     ----------
     parts
-        By the names of `pipeline.ingest.headers.CALENDAR`; minute and second are zero where they are not there, and
-        years below 70 are those of this century.
+        By the names of `pipeline.ingest.headers.CALENDAR`; hour, minute and second are zero where they are not there,
+        and years below 70 are those of this century. Of a year the first day is 1; it may have a fraction, which an
+        hour that is there too replaces.
     timezone
         IANA name of the zone of these times.
     file
@@ -138,14 +139,16 @@ def assembled(parts: dict[str, Array], timezone: str, file: str) -> Array:
     import pandas as pd
 
     year = np.where(parts["year"] < 100, parts["year"] + np.where(parts["year"] < 70, 2000, 1900), parts["year"])
-    known = np.isfinite(year) & np.isfinite(parts["month"]) & np.isfinite(parts["day"]) & (np.abs(year - 2000) < 200)
-    date = {
-        "year": np.where(known, year, 1970),
-        "month": np.where(known, parts["month"], 1),
-        "day": np.where(known, parts["day"], 1),
-    }
+    by_month = {"month", "day"} <= set(parts)
+    first = np.ones_like(year)
+    month, day = (parts["month"], parts["day"]) if by_month else (first, first)
+    known = np.isfinite(year) & np.isfinite(month) & np.isfinite(day) & (np.abs(year - 2000) < 200)
+    date = {"year": np.where(known, year, 1970), "month": np.where(known, month, 1), "day": np.where(known, day, 1)}
     days = pd.DatetimeIndex(pd.to_datetime(pd.DataFrame(date), errors="coerce")).as_unit("s")
     seconds = np.where(known & np.asarray(days.notna()), days.asi8.astype(np.float64), np.nan)
+    if not by_month:
+        past = np.where(np.abs(parts["day_of_year"] - 184.0) < 184.0, parts["day_of_year"], np.nan) - 1.0
+        seconds = seconds + 86400.0 * (np.floor(past) if "hour" in parts else past)
     for name, span in (("hour", 3600.0), ("minute", 60.0), ("second", 1.0)):
         seconds = seconds + span * parts.get(name, np.zeros_like(seconds))
     return _universal(seconds, timezone, file)

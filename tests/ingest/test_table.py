@@ -1041,12 +1041,28 @@ def test_a_date_that_names_its_month_or_runs_together_is_read(make: Callable[...
         "year,month,day,hour,minute,second,P\n2016,6,22,0,0,1.5,1\n",
         "YYYY;MON;DD;HH;MN;SS;P\n16;06;22;00;00;01.5;1\n",
         "date_year,date_month,date_day,time_hour,P\n2016,6,22,0.00041666666666666664,1\n",
+        "year,yday,P\n2016,174.0000173611111,1\n",
+        "Year,Day of year,Hour,Min,Sec,P\n2016,174,0,0,1.5,1\n",
     ],
 )
 def test_a_date_in_columns_of_its_parts_is_time(make: Callable[..., Mission], rows: str) -> None:
     logs = table.read(make({"a.csv": rows}))
     np.testing.assert_allclose(logs.streams[0]["time"], [START + 1.5])
-    assert " are time, 'P' is pressure" in str(logs.findings[-1])
+    assert len(logs.findings) == 1
+    assert " are time, 'P' is pressure" in str(logs.findings[0])
+
+
+@pytest.mark.parametrize("day", [-3, 368, ""])
+def test_a_day_that_no_year_has_costs_its_record(make: Callable[..., Mission], day: object) -> None:
+    (stream,) = table.read(make({"a.csv": f"year,doy,P\n2016,174,1\n2016,{day},1\n"})).streams
+    np.testing.assert_array_equal(stream["time"], [START, np.nan])
+
+
+@pytest.mark.parametrize(
+    "rows", ["datenum,P\n736503.0,1\n", "matlab_time,P\n736503.0,1\n", "JULD (days since 1950-01-01),P\n24279.0,1\n"]
+)
+def test_names_of_days_are_times(make: Callable[..., Mission], rows: str) -> None:
+    assert table.read(make({"a.csv": rows})).streams[0]["time"].tolist() == [START]
 
 
 def test_parts_of_a_date_that_are_none_cost_their_record(make: Callable[..., Mission]) -> None:

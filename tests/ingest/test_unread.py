@@ -52,6 +52,12 @@ def test_a_folder_without_logs_says_what_to_do_with_what_is_there(
     assert caught.value.finding.remedy == remedy
 
 
+def test_what_is_missing_may_be_in_a_file_that_is_not_read(mission: Mission) -> None:
+    (mission.folder / "attitude.csv").rename(mission.folder / "attitude.csv.bz2")
+    with pytest.raises(InputError, match=r"found no pitch in .*; attitude.csv.bz2: found an archive; .*; unpack it"):
+        ingest(load(mission.folder))
+
+
 def test_many_tables_beside_a_glider_s_own_files_are_counted() -> None:
     assert unread.listed([f"p{k}.asc" for k in range(300)]) == "p0.asc, p1.asc, p2.asc, p3.asc and 296 more"
     assert unread.listed(["a", "b"]) == "a, b"
