@@ -187,7 +187,7 @@ def ingest(mission: Mission) -> Ingested:
                 "phases",
                 "no steady flight",
                 f"at least {mission.minimum_block_s:g} s at one pitch, engine volume and propeller speed",
-                "nothing can be compared with theory",
+                "nothing can be compared with theory; where dives are short, set minimum_block_s: in mission.yaml",
             )
         )
     records = conform(table.assign(time=timestamps(table["time"].to_numpy())), RECORDS)

@@ -228,7 +228,8 @@ def test_no_steady_flight_is_said(fly: Fly, write_mission: Write, tmp_path: Path
     mission = write_mission(tmp_path / "trial", fly([0.0, *[6.0, 2.0] * 8]))
     assert str(ingest.ingest(mission).findings[-1]) == (
         "mission: phases: found no steady flight; "
-        "expected at least 60 s at one pitch, engine volume and propeller speed; nothing can be compared with theory"
+        "expected at least 60 s at one pitch, engine volume and propeller speed; nothing can be compared with theory; "
+        "where dives are short, set minimum_block_s: in mission.yaml"
     )
 
 
