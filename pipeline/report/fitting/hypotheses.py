@@ -24,7 +24,7 @@ from pipeline.report.fitting.experiment import Pair, experiment
 from pipeline.report.fitting.fit import select
 from pipeline.report.fitting.given import DEFAULT, Given
 from pipeline.report.fitting.halves import parts_of
-from pipeline.report.fitting.judgement import NOTHING, POSITIVE, STRONG, Judged, Tried, sentence
+from pipeline.report.fitting.judgement import CONTRADICTED, NOTHING, POSITIVE, STRONG, Judged, Tried, sentence
 from pipeline.report.fitting.observations import BALANCE, BatteryPositions, observe
 from pipeline.report.fitting.parameters import COEFFICIENTS
 from pipeline.report.fitting.regression import Problem
@@ -220,7 +220,8 @@ def _rows(problem: Problem, known: Prior, none: Posterior, tried: Sequence[Tried
         {
             "name": NOTHING,
             "words": "Nothing is wrong beyond what is stated",
-            "parameters": _pulls(problem, none),
+            "parameters": _pulls(problem, none, 1.0),
+            "contradicted": _pulls(problem, none, CONTRADICTED),
             "bic": none.minus_two_log_evidence,
             "left_out_rmse_m_s": left_out(problem, known, none),
             "ratio": 0.0,
@@ -231,6 +232,7 @@ def _rows(problem: Problem, known: Prior, none: Posterior, tried: Sequence[Tried
             "name": one.cause.name,
             "words": one.cause.words,
             "parameters": [_parameter(problem, one.found, one.column, one.spread, vehicle)],
+            "contradicted": _pulls(problem, one.found, CONTRADICTED, but=one.column),
             "bic": one.free.minus_two_log_evidence + paid,
             "left_out_rmse_m_s": left_out(problem, one.prior, one.found),
             "ratio": one.ratio,
@@ -265,14 +267,14 @@ def _parameter(problem: Problem, found: Posterior, column: int, size: float, veh
     }
 
 
-def _pulls(problem: Problem, none: Posterior) -> list[dict[str, Any]]:
-    """Return the unknowns that nothing being wrong moves by a stated 1-sigma or more, the most moved first."""
+def _pulls(problem: Problem, found: Posterior, least: float, but: int = -1) -> list[dict[str, Any]]:
+    """Return the unknowns, `but` one, that were moved by so many stated 1-sigma or more, the most moved first."""
     stds = [problem.priors[name] for name in problem.model.names]
-    moved = [(abs(float(none.x[i])) / std, i) for i, std in enumerate(stds) if std > 0.0]
+    moved = [(abs(float(found.x[i])) / std, i) for i, std in enumerate(stds) if std > 0.0 and i != but]
     return [
-        _parameter(problem, none, i, stds[i], problem.model.vehicle)
+        _parameter(problem, found, i, stds[i], problem.model.vehicle)
         for pull, i in sorted(moved, reverse=True)
-        if pull >= 1.0
+        if pull >= least
     ]
 
 

@@ -14,8 +14,8 @@ from pipeline.report.rounding import in_words
 NOTHING = "nothing"
 #: Twice the logarithm of a ratio of probabilities that is called positive, strong, very strong.
 POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
-#: What is moved by more than this many of its stated 1-sigma is strained.
-STRAINED = 2.0
+#: What is moved by more than this many of its stated 1-sigma is strained, and by so many contradicted.
+STRAINED, CONTRADICTED = 2.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,17 @@ def sentence(judged: Judged, what: str) -> str:
     """Return the verdict in words; `what` is the experiment that would tell."""
     if judged.apart is None:
         return _nothing(judged, what)
+    best = next(row for row in judged.rows if row["name"] == judged.apart[0].cause.name)
     if len(judged.apart) > 1:
         names = _listed([one.cause.words for one in judged.apart], "and")
-        return f"{names} cannot be told apart from these data; {what}."
-    one = judged.apart[0]
-    row = next(row for row in judged.rows if row["name"] == one.cause.name)
-    return f"{one.cause.words} explains the difference: {in_words(row['parameters'][0])}."
+        words = f"{names} cannot be told apart from these data; {what}."
+    else:
+        words = f"{best['words']} explains how the blocks differ from theory: {in_words(best['parameters'][0])}."
+    if not best["contradicted"]:
+        return words
+    most, *_ = best["contradicted"]
+    strain = f"{in_words(most)}, {abs(most['value']) / most['size']:.1f} of its stated 1σ"
+    return f"{words} Even so what is stated is strained: {strain}. It may be another reason, or the theory's shape."
 
 
 def _nothing(judged: Judged, what: str) -> str:

@@ -17,6 +17,7 @@ from pipeline.report.fitting.given import Given
 from pipeline.report.fitting.hypotheses import rank, together
 from pipeline.report.fitting.judgement import NOTHING, Judged, Tried, sentence
 from pipeline.report.fitting.observations import BatteryPositions, observe
+from pipeline.report.rounding import in_words
 from pipeline.vehicle import Coefficient, Vehicle
 
 CALM = {"sigma_w": 0.003, "tau_w": 300.0}
@@ -73,7 +74,8 @@ def test_an_injected_cause_is_named_with_its_size(sure, cause):
     found = ranked(sure, telling(**CAUSED[cause]))
     assert found["named"] == [cause]
     assert found["told_apart"]
-    assert "explains the difference" in found["verdict"]
+    assert "explains how the blocks differ from theory: Δ" in found["verdict"]
+    assert found["rows"][0]["contradicted"] == []
     best = found["rows"][0]
     assert (best["name"], best["delta_bic"]) == (cause, 0.0)
     (item,) = best["parameters"]
@@ -300,6 +302,20 @@ def test_what_is_stated_is_called_strained_where_it_covers_the_difference_only_b
     assert "but what is stated is strained" in strained
     assert strained.endswith("cover the difference only with ΔK_D0 = +0.91 ± 0.13 kg/m (+26.0 ± 3.8 %), 2.6 of its "
                              "stated 1σ.")  # fmt: skip
+
+
+def test_a_cause_is_named_with_what_it_leaves_strained(sure):
+    table = telling(extra_drag=0.21 * PETREL["parasite_drag"])
+    drag = replace(sure.coefficients["induced_drag"], value=0.2 * PETREL["induced_drag"], std=1.0)
+    found = ranked(replace(sure, coefficients={**sure.coefficients, "induced_drag": drag}), table)
+    assert found["named"] == ["sensor drag"]
+    (best,) = (row for row in found["rows"] if row["name"] == "sensor drag")
+    (most,) = best["contradicted"]
+    assert most["name"] == "lift_slope"
+    strained = f"{in_words(most)}, {abs(most['value']) / most['size']:.1f} of its stated 1σ."
+    assert found["verdict"].endswith(
+        f" Even so what is stated is strained: {strained} It may be another reason, or the theory's shape."
+    )
 
 
 def test_a_cause_that_is_hinted_at_is_not_called_unseen_in_the_same_breath():

@@ -155,7 +155,8 @@ def sure(petrel: Vehicle) -> Vehicle:
 def test_it_is_named_as_the_cause_and_not_a_loss_of_thrust(sure):
     result = rank(flown(1.6), sure, Given(CALM, ballast_std=0.05, pitch_std=math.radians(0.1)))
     assert result["named"] == ["battery voltage"], result["verdict"]
-    assert result["verdict"].startswith("Thrust that follows the battery's voltage explains the difference: b_U = ")
+    words = "Thrust that follows the battery's voltage explains how the blocks differ from theory: b_U = "
+    assert result["verdict"].startswith(words)
     assert result["verdict"].endswith(f" ± {uncertainty(result['rows'][0]['parameters'][0]['std'])}.")
     (item,) = result["rows"][0]["parameters"]
     assert abs(item["value"] - 1.6) < 3.0 * item["std"]
