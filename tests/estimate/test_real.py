@@ -42,12 +42,12 @@ def test_decimated_logs_from_stratified_water_have_a_speed(data: Path, tmp_path:
 def test_a_seaexplorers_assumed_polar_has_intervals_that_hold_the_speed_of_its_profiler(
     data: Path, tmp_path: Path
 ) -> None:
-    """Its own pitch reads 2° off that of the profiler, and its lift is half of what is assumed."""
+    """Its own pitch reads 2° off that of the profiler."""
     real = read("sea063", data, tmp_path)
     found = of_method(estimated(real).estimates, "kinematic")
     measured, flag = real.records["speed_through_water"], real.records["speed_through_water_qc"]
     seen = found["observable"].to_numpy() & (flag == Quality.GOOD).to_numpy() & measured.notna().to_numpy()
-    assert seen.sum() > 80
+    assert seen.sum() > 40
     gap = np.abs(found["speed"] - measured)[seen]
     assert np.mean(gap < 1.96 * np.hypot(found["speed_std"], real.records["speed_through_water_std"])[seen]) > 0.9
 
