@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.report.fitting.selection import NOT_APART
 from pipeline.report.propulsion import strength
-from pipeline.report.rounding import amount, in_words
+from pipeline.report.rounding import amount, counted, in_words
 
 #: |E|/u_val beyond which a difference is called significant.
 SIGNIFICANT = 2.0
@@ -130,10 +130,12 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     """Return what the fit says, as a sentence."""
     if fitted["reason"]:
         return f"No correction is fitted: {fitted['reason']}."
-    words = []
-    for item in fitted["parameters"]:
-        words.append(f"{in_words(item)}, {item['verdict']}")
-    sentence = f"Fitted to {fitted['blocks']} blocks: {'; '.join(words)}."
+    entangled = [item for item in fitted["parameters"] if item["verdict"].startswith(NOT_APART)]
+    words = [f"{in_words(item)}, {item['verdict']}" for item in fitted["parameters"] if item not in entangled]
+    if entangled:
+        names = " and ".join(item["symbol"] for item in entangled)
+        words.append(f"{names} cannot be told apart: {entangled[0]['verdict'].partition('; ')[2]}")
+    sentence = f"Fitted to {counted(fitted['blocks'], 'block')}: {'; '.join(words)}."
     for item in fitted["parameters"]:
         others = [
             row["symbol"]

@@ -170,6 +170,19 @@ def test_the_answer_says_what_a_correction_cannot_be_told_from(petrel):
     assert said in Page(page).words
 
 
+def test_the_answer_gives_no_number_to_what_cannot_be_told_apart(petrel):
+    flown = blocks(dives=8)
+    climbs = flown[flown["direction"] == 1].reset_index(drop=True)
+    summary, _, _ = build(inputs(Mission(vehicle="petrel-ii", name="climbs"), petrel, climbs))
+    assert [item["verdict"].partition(";")[0] for item in summary["fit"]["parameters"]] == [
+        "cannot be told apart from ΔG", "cannot be told apart from ΔK_D0"
+    ]  # fmt: skip
+    assert (
+        f"Fitted to {len(climbs)} blocks: ΔK_D0 and ΔG cannot be told apart: would be resolved by dives flown like the "
+        "climbs."
+    ) in summary["answer"]["more"]
+
+
 def test_danjiangkou_page_tells_the_papers_story(petrel):
     part = Nominal(name="fixed depth 10 m", net_buoyancy=2.5, propeller_speed_rpm=780.0, pitch_deg=3.5,
                    published_speed=0.62, powered=True)  # fmt: skip
