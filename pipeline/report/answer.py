@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.fitting.account import told
 from pipeline.report.fitting.selection import NOT_APART
 from pipeline.report.propulsion import strength
 from pipeline.report.rounding import amount, counted, in_words
@@ -131,7 +132,11 @@ def _fit_words(fitted: Mapping[str, Any]) -> str:
     if fitted["reason"]:
         return f"No correction is fitted: {fitted['reason']}."
     entangled = [item for item in fitted["parameters"] if item["verdict"].startswith(NOT_APART)]
-    words = [f"{in_words(item)}, {item['verdict']}" for item in fitted["parameters"] if item not in entangled]
+    words = [
+        f"{in_words(item) if told(item['std'], item['prior_std']) else item['symbol']}, {item['verdict']}"
+        for item in fitted["parameters"]
+        if item not in entangled
+    ]
     if entangled:
         names = " and ".join(item["symbol"] for item in entangled)
         words.append(f"{names} cannot be told apart: {entangled[0]['verdict'].partition('; ')[2]}")

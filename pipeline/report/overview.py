@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline.records import Column, conform
+from pipeline.report.fitting.account import told
 from pipeline.report.fleet import fleet
 from pipeline.report.propulsion import strength
 
@@ -147,9 +148,10 @@ def _coefficients(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     for name in dict.fromkeys([*fitted, *(ours for ours, theirs in ADJUSTED.items() if theirs in adjusted)]):
         item, force = fitted.get(name), adjusted.get(ADJUSTED.get(name, ""))
         own = None if item is None else _in_unit(item)
+        known = item is not None and told(_number(item["std"]), _number(item["prior_std"]))
         symbol = SYMBOLS.get(name, "") if item is None else item["symbol"]
         for unit in dict.fromkeys([*([own[2]] if own else []), *([force["unit"]] if force else [])]):
-            value, std = own[:2] if own and own[2] == unit else (math.nan, math.nan)
+            value, std = own[:2] if known and own and own[2] == unit else (math.nan, math.nan)
             beside = force if force and force["unit"] == unit else {}
             out.append(
                 {

@@ -15,6 +15,7 @@ from pipeline.report.answer import answer
 from pipeline.report.closures import closures, of_mission
 from pipeline.report.compatibility import compatibility
 from pipeline.report.currents import currents
+from pipeline.report.fitting.account import told
 from pipeline.report.fitting.constraint import told_by
 from pipeline.report.fitting.counterpart import counterpart
 from pipeline.report.fitting.fit import fit, solvable
@@ -130,7 +131,8 @@ def _key_numbers(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
         measured, spread = part["measured_speed_m_s"], part["measured_speed_std_m_s"]
         rows.append(row(f"speed, {part['name']}", measured, "m/s", spread, remark))
     for item in summary["fit"]["parameters"]:
-        rows.append(row(item["symbol"], item["value"], item["unit"], item["std"], item["verdict"], signed=True))
+        value, spread = (item["value"], item["std"]) if told(item["std"], item["prior_std"]) else (math.nan, math.nan)
+        rows.append(row(item["symbol"], value, item["unit"], spread, item["verdict"], signed=True))
     for judged in summary["consistency"]:
         sensor, method = judged["sensor"], judged["method"]
         if not sensor:

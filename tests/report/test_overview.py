@@ -19,7 +19,7 @@ from pipeline.report import Index, Report, build, frontpage, index
 from pipeline.report.figures import NO_CAMPAIGN_FIGURE, files
 from pipeline.report.figures import missions as figures
 from pipeline.report.guide import guide
-from pipeline.report.overview import KEYS, frame, tsv
+from pipeline.report.overview import KEYS, frame, overview, tsv
 from pipeline.report.rounding import amount
 from pipeline.vehicle import Vehicle
 
@@ -107,6 +107,20 @@ def test_a_significant_gap_and_a_drag_against_the_vehicle_file_are_flagged(summa
         "warnings": "1 of the findings is an error",
     }
     assert row["warnings"] == 2
+
+
+def test_a_correction_that_the_data_tell_less_well_than_was_known_has_no_number(
+    summaries: list[dict[str, Any]],
+) -> None:
+    told = json.loads(json.dumps(summaries[0]))
+    item = next(each for each in told["fit"]["parameters"] if each["name"] == "parasite_drag")
+    untold = json.loads(json.dumps(told))
+    for each in untold["fit"]["parameters"]:
+        each["std"] = 1.01 * each["prior_std"]
+    (known,), (unknown,) = (overview([one])["missions"] for one in (told, untold))
+    assert known["drag_percent"] == item["percent"]
+    assert unknown["drag_percent"] is None or math.isnan(unknown["drag_percent"])
+    assert unknown["force_drag_percent"] == pytest.approx(known["force_drag_percent"], nan_ok=True)
 
 
 def test_a_coefficient_in_two_units_has_a_row_and_a_panel_each(summaries: list[dict[str, Any]]) -> None:

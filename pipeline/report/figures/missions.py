@@ -163,8 +163,9 @@ def coefficients(missions: Sequence[Mapping[str, Any]], vehicles: Sequence[Mappi
             "coefficients",
             f"{'; '.join(panels.values())}: what each of {len(missions)} missions says, with 1-sigma.",
             "Each mission's corrections to the vehicle file with 1σ, by vehicle and in time: blue circles by the fit "
-            "to steady blocks, from the data alone; brown diamonds as the force estimate was adjusted, priors "
-            "included. Grey: the vehicle's mean with 1σ, where two missions or more determine it.",
+            "to steady blocks, from the data alone where these tell more than was known; brown diamonds as the force "
+            "estimate was adjusted, priors included. Grey: the vehicle's mean with 1σ, where two missions or more "
+            "determine it.",
             Drawn(table.drop(columns="place"), COEFFICIENTS),
         )
 

@@ -176,6 +176,11 @@ def parameter(
     }
 
 
+def told(std: float, prior_std: float) -> bool:
+    """Return whether the data alone tell a correction at least as well as was known before, by both 1-sigma."""
+    return not std > prior_std
+
+
 def _verdict(
     i: int,
     apart: Sequence[tuple[int, int]],
