@@ -54,7 +54,7 @@ UNSIGNED = [HULL_TIME, CARRIED]
 #: An innovation beyond this many standard deviations counts less (Huber 1964, doi:10.1214/aoms/1177703732).
 HUBER = 3.0
 #: Steps at most, and the change, in prior 1-sigma, below which they end.
-STEPS, STILL = 15, 5e-3
+STEPS, STILL = 30, 5e-3
 #: What is searched while parameters are adjusted. All else stays as in `Settings`, ordinary: a water that is found to
 #: move for as long as a leg lasts takes the leg's mean depth rate, and with it what tells of drag; and as long as
 #: parameters are wrong, an error of V̇ or of net buoyancy as large as theirs would be found, and would hold them there.

@@ -29,6 +29,8 @@ ENOUGH, SLIGHT = 1e-8, 1e-3
 #: The least variance that a search is believed to have guessed, over that of what was known before; and by how much the
 #: logarithm of likelihood changes over steps that its curvature is read off.
 TINY, RISE = 1e-6, 0.05
+#: Where the posterior of a variance ends, in 1-sigma of its logarithm.
+TAIL = 8.0
 #: No level is farther from its median than this many 1-sigma.
 BOUND = 4.0
 #: Median of σ of w_w (m/s) before the search.
@@ -105,10 +107,9 @@ def most_probable(
     """Return settings with some noise levels at the maximum of likelihood times prior, and what is open of those.
 
     How much of a slow change of depth rate is the water's and how much is V's, the likelihood may hardly say. So where
-    the water is searched, variances are means over their posterior (log-normal, by the curvature at its maximum) in
-    place of the values at the maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's
-    unsteadiness. What is not known of them widens the intervals; how far the estimate itself moves with them is for
-    `moved` to tell.
+    the water is searched, 1-sigmas are means over their posterior (see `mean_over_mode`) in place of the values at the
+    maximum: σ² of w_w; σ²τ, on which its mean over a long glide depends; and V's unsteadiness. What is not known
+    of them widens the intervals; how far the estimate itself moves with them is for `moved` to tell.
 
     Parameters
     ----------
@@ -156,12 +157,40 @@ def most_probable(
     if "sigma_w" not in found:
         return start._replace(**found), np.empty((0, 0))
     open_ = covariance(cost, best.x, best.hess_inv.todense(), each) * np.outer(spread, spread)
-    found["sigma_w"] *= float(np.exp(open_[0, 0]))
-    found["tau_w"] *= float(np.exp(0.5 * open_[1, 1] + 2.0 * open_[0, 1]))
+    strength, diffusion = np.zeros((2, len(names)))
+    strength[0], diffusion[:2] = 2.0, (2.0, 1.0)
+    growth = mean_over_mode(strength, spread, open_)
+    found["sigma_w"] *= growth**0.5
+    found["tau_w"] *= mean_over_mode(diffusion, spread, open_) / growth
     if "unsteadiness" in found:
         k = names.index("unsteadiness")
-        found["unsteadiness"] *= float(np.exp(0.5 * open_[k, k]))
+        found["unsteadiness"] *= mean_over_mode(np.eye(len(names))[k], spread, open_)
     return start._replace(**found), open_
+
+
+def mean_over_mode(powers: np.ndarray, spread: np.ndarray, covariance: np.ndarray) -> float:
+    """Return by how much a variance exceeds its value where noise levels are most probable if its 1-sigma is the mean.
+
+    That is over the posterior: intervals are nearly as wide as 1-sigmas, not variances, are large. The likelihood of a
+    variance is that of an inverse gamma, which falls off slowly towards large ones: by few correlation times they are
+    excluded less than a log-normal of the same curvature would say. The posterior is that times a log-normal prior, of
+    the curvature that was found.
+
+    Parameters
+    ----------
+    powers
+        The variance is the product of the k levels to these powers.
+    spread
+        1-sigma of the logarithms before.
+    covariance
+        Of the logarithms, by the curvature of the posterior at its mode, shape (k, k).
+    """
+    before, after = float(powers**2 @ spread**2), float(powers @ covariance @ powers)
+    fall = max(1.0 / after - 1.0 / before, 0.0)
+    x = math.sqrt(after) * np.linspace(-TAIL, TAIL, 401)
+    logarithm = -0.5 * x**2 / before - fall * (x + np.exp(-x))
+    weight = np.exp(logarithm - logarithm.max())
+    return float((np.sum(weight * np.exp(0.5 * x)) / np.sum(weight)) ** 2)
 
 
 def levelled(settings: Settings, steady: np.ndarray, problem_of: Callable[[Settings], Problem]) -> Settings:

