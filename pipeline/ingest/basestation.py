@@ -238,7 +238,7 @@ def _computed(columns: dict[str, Array]) -> dict[str, Array]:
     """Return time, temperature [°C], conductivity [S/m] and pressure [dbar] of a CTD that computes them."""
     out: dict[str, Array] = {}
     for name, values in columns.items():
-        if match := _COMPUTED.fullmatch(name):
+        if (match := _COMPUTED.fullmatch(name)) and np.isfinite(values).any():
             kind = _KINDS[match["kind"].lower()[:4]]
             out.setdefault(kind, values * 0.1 if kind == "conductivity" else values)
     return out

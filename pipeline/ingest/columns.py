@@ -9,8 +9,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import Finding, InputError, nearest
-from pipeline.ingest.headers import BEAMS, CALENDAR, PROFILER, calendar, is_magnetic, meant, quantity
+from pipeline.ingest.headers import BEAMS, CALENDAR, PROFILER, calendar, is_magnetic, is_reckoned, meant, quantity
 from pipeline.ingest.text import UNNAMED
+from pipeline.ingest.times import as_format
 from pipeline.ingest.units import QUANTITIES, convert, known
 from pipeline.mission import Table, TableColumn
 
@@ -45,9 +46,18 @@ class Source:
     guessed: bool
 
 
-#: Word in the name of a column that goes before others of its quantity.
-_LIKELIER = {"latitude": "gps", "longitude": "gps", "pressure": "sea"}
+#: Words in the name of a column that goes before others of its quantity, the likelier first.
+_LIKELIER = {
+    "time": ("precise",),
+    "latitude": ("gps", "precise"),
+    "longitude": ("gps", "precise"),
+    "pressure": ("sea",),
+    "temperature": ("sci",),
+    "conductivity": ("sci",),
+}
 _OF_CTD = ("pressure", "temperature")
+#: What a row counts for in seconds where pressures that stand in the same rows are compared.
+_ROW = 2.0
 #: Where a quantity may come from, the likelier column first. Of times each row has the first that is there.
 Candidates = dict[str, tuple[Source, ...]]
 
@@ -90,6 +100,8 @@ def match(
         if column in taken:
             continue
         name, unit = quantity(column, below)[0], _unit(column, below)
+        if name == "time" and unit:
+            unit = as_format(unit)
         standard, reversed_sign = meant(meanings.get(column, ""))
         if name is None and standard not in named_by_header:
             name = standard
@@ -115,9 +127,9 @@ def match(
         left = [column for column in left if column not in parts.values()]
         if parts:
             sources["time"] = [Source(column, part, True) for part, column in parts.items()]
-    for name, word in _LIKELIER.items():
-        if name in sources:
-            sources[name] = sorted(sources[name], key=partial(_without, word))
+    for name in _LIKELIER:
+        if name in sources and name not in named:
+            sources[name] = sorted(sources[name], key=partial(_rank, name))
     if not set(BEAMS) <= set(sources):
         left += [source.column for name in PROFILER for source in sources.pop(name, [])]
     left = [column for column in left if not column.startswith(UNNAMED)]
@@ -139,7 +151,8 @@ def chosen(raws: list[pd.DataFrame], candidates: Candidates, file: str) -> tuple
     """Return which of several columns each quantity but time is taken from, and a finding about each that is not.
 
     It is the first that changes, of those of the CTD the one that has most values beside conductivity. A vehicle's log
-    has columns for sensors that it does not carry: all NaN, or all zero.
+    has columns for sensors that it does not carry: all NaN, or all zero. Where the pressure of a CTD leaves out much of
+    another one, it serves salinity and density alone (``pressure_interpolated``).
 
     Parameters
     ----------
@@ -172,6 +185,10 @@ def chosen(raws: list[pd.DataFrame], candidates: Candidates, file: str) -> tuple
             sources[name] = entry[0]
             continue
         best = max(range(len(entry)), key=lambda k: (*content[k], -k))
+        if name == "pressure":
+            of_ctd, best = best, _covering([values(source) for source in entry], best)
+            if best != of_ctd:
+                sources["pressure_interpolated"] = entry[of_ctd]
         sources[name] = entry[best]
         for k, source in enumerate(entry):
             if k != best:
@@ -187,17 +204,33 @@ def chosen(raws: list[pd.DataFrame], candidates: Candidates, file: str) -> tuple
                         "mission.yaml",
                     )
                 )
-    return {name: sources[name] for name in candidates if name != "time"}, findings
+    return {name: sources[name] for name in (*candidates, "pressure_interpolated") if name in sources}, findings
 
 
-def _without(word: str, source: Source) -> bool:
-    return word not in source.column.lower()
+def _covering(pressures: list[Array], best: int) -> int:
+    """Return `best` of several records of pressure in the same rows, or the fullest where `best` leaves too much out.
+
+    A CTD may sleep on climbs. Units may differ: under water is where a pressure exceeds a fiftieth of its largest.
+    """
+    import numpy as np
+
+    from pipeline.ingest.merge import covers
+
+    rows = _ROW * np.arange(pressures[best].size, dtype=np.float64)
+    deep = [np.where(each > 0.02 * np.nanmax(each, initial=0.0), 1e3 * each, np.nan) for each in pressures]
+    fullest = max(range(len(deep)), key=lambda k: (int(np.isfinite(deep[k]).sum()), k == best))
+    return best if covers(rows, pressures[best], rows, deep[fullest]) else fullest
+
+
+def _rank(name: str, source: Source) -> int:
+    """Return how many words of `_LIKELIER` are likelier than those in the name of column `source`."""
+    words = _LIKELIER.get(name, ())
+    return next((k for k, word in enumerate(words) if word in source.column.lower()), len(words))
 
 
 def _likelier(name: str, source: Source, other: Source) -> bool:
     """Return whether the name of column `source` says that it goes before `other`."""
-    word = _LIKELIER.get(name)
-    return word is not None and not _without(word, source) and _without(word, other)
+    return _rank(name, source) < _rank(name, other)
 
 
 def converted(
@@ -245,6 +278,8 @@ def converted(
             told.append(f"'{source.column}' is {name} in {unit}")
     out, about = _true_heading(out, sources, table, file)
     notes += about
+    out, about = _without_reckoning(out, sources, file)
+    notes += about
     named = {name: source.column for name, source in sources.items() if name not in PROFILER}
     if set(BEAMS) <= set(out):
         beams = [out.pop(name) for name in BEAMS]
@@ -260,6 +295,27 @@ def converted(
         "columns": {"time": clocks[0].column} | named,
     }
     return frame, notes
+
+
+def _without_reckoning(
+    out: dict[str, Any], sources: Mapping[str, Source], file: str
+) -> tuple[dict[str, Any], list[Finding]]:
+    """Return columns with those positions flagged bad that the vehicle reckoned by its own word, and how many."""
+    import numpy as np
+
+    from pipeline.records import Quality
+
+    reckoned = np.nan_to_num(out.pop("dead_reckoning", np.zeros(out["time"].size))) > 0.0
+    flags, count = {}, 0
+    for name in ("latitude", "longitude"):
+        if name in out:
+            bad = reckoned | is_reckoned(sources[name].column)
+            count = int((bad & np.isfinite(out[name])).sum())
+            unflagged = np.full(bad.size, Quality.NONE, dtype=np.int8)
+            flags[f"{name}_qc"] = np.where(bad, Quality.BAD, out.get(f"{name}_qc", unflagged)).astype(np.int8)
+    if not count:
+        return out, []
+    return out | flags, [Finding("note", file, "", f"{count} positions by dead reckoning", "fixes", "flagged bad")]
 
 
 def _true_heading(
@@ -332,12 +388,11 @@ def _clock(
         day, hour = parts[0].column, parts[1].column
         joined = (raw[day].str.strip() + " " + raw[hour].str.strip()).rename(day)
         unit = parts[0].unit
-        if unit and "%" in unit and "%H" not in unit and "%I" not in unit:
-            unit += times.clock_format(next(text for text in raw[hour] if isinstance(text, str) and text.strip()))
+        unit = _with_clock(unit, raw[hour])
         seconds = _seconds(joined, unit, table, file)
         return seconds, [f"'{day}' and '{hour}' are time"], _untimed(joined, seconds, file)
     first, *others = clocks
-    seconds = _seconds(raw[first.column], first.unit, table, file)
+    seconds = _seconds(raw[first.column], _with_clock(first.unit, raw[first.column]), table, file)
     told = [f"'{first.column}' is time"] if first.guessed else []
     notes = _untimed(raw[first.column], seconds, file)
     for other in others:
@@ -346,6 +401,17 @@ def _clock(
             seconds = np.where(absent, _seconds(raw[other.column], other.unit, table, file), seconds)
             told.append(f"'{other.column}' is time where '{first.column}' has none")
     return seconds, told, notes
+
+
+def _with_clock(unit: str | None, column: pd.Series[Any]) -> str | None:
+    """Return a format of dates with that of the time of day in the first text of `column`, where it has none."""
+    from pipeline.ingest import times
+
+    if not unit or "%" not in unit or "%H" in unit or "%I" in unit:
+        return unit
+    first = next((text for text in column if isinstance(text, str) and text.strip()), "").strip()
+    clock = times.clock_format(first)
+    return unit + (f" {clock[clock.index('%') :]}" if clock else "")
 
 
 def _reads(column: pd.Series[Any], pattern: re.Pattern[str]) -> bool:

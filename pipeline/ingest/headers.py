@@ -14,7 +14,7 @@ _SYNONYMS: dict[str, str] = {
     "posixtime posix_seconds 时间 采样时间 日期时间 日期 北京时间",
     "pressure": "pressure pres press sea_pressure water_pressure p_dbar ctd_p prdm pr sea_water_pressure "
     "seapressure_00 压力 压强",
-    "depth": "depth dep ctd_depth water_depth 深度",
+    "depth": "depth dep ctd_depth 深度",
     "temperature": "temperature temp t90 t_90 water_temperature water_temp sea_temperature tv290c insitu_temperature "
     "sea_water_temperature temperature_00 温度 水温",
     "conductivity": "conductivity cond water_cond cndc c0s sea_water_electrical_conductivity conductivity_00 电导率",
@@ -42,7 +42,8 @@ _SYNONYMS: dict[str, str] = {
     "speed_through_water_std": "speed_through_water_std stw_std water_speed_std dvl_speed_std",
     "latitude": "latitude lat gps_lat gps_latitude 纬度",
     "longitude": "longitude lon long lng gps_lon gps_longitude 经度",
-    "magnetic_variation": "magnetic_variation mag_var magvar magnetic_declination gps_mag_var gps_magvar",
+    "magnetic_variation": "magnetic_variation mag_var magvar magnetic_declination declination gps_mag_var gps_magvar",
+    "dead_reckoning": "dead_reckoning deadreckoning",
     "profiler_pressure": "ad2cp_pressure",
     "beam_fore": "ad2cp_v1_cn1",
     "beam_port": "ad2cp_v2_cn1",
@@ -65,6 +66,7 @@ _IMPLIED = {
     "vbdcc": "cm3",
     "vbd_cc": "cm3",
     "p_dbar": "dbar",
+    "legato_conductivity": "mS/cm",
     "sci_water_pressure": "bar",
     "m_pressure": "bar",
     "m_battpos": "in",
@@ -82,6 +84,8 @@ _BRACKETS = str.maketrans("（）［］", "()[]")
 _REVERSED = {"platform_pitch_fore_down": "pitch", "platform_roll_starboard_up": "roll"}
 #: Headings that are magnetic by their name.
 _MAGNETIC = {"m_heading", "eng_head", "magnetic_heading", "mag_heading", "heading_mag", "heading_magnetic"}
+#: Positions of a SeaExplorer's payload: where its other computer takes itself to be.
+_RECKONED = {"nav_latitude", "nav_longitude"}
 #: Of a receiver, in the OceanGliders and EGO formats: positions that are fixes, and a clock of their own.
 _FIXES = {"time_gps": "time", "latitude_gps": "latitude", "longitude_gps": "longitude"}
 #: Beams of a Doppler profiler by the positions of the heads, and what is read with them.
@@ -118,6 +122,9 @@ _PREFIXES = {
     "attitude",
 }
 
+#: What a name without its prefix would be taken for and is not: the course over ground, the air inside the hull.
+_OTHERS = {"gps_heading", "gps_course", "vehicle_temp", "vehicle_temperature"}
+
 #: Parts of a date that stand in columns of their own, and those that make a time.
 CALENDAR = ("year", "month", "day", "day_of_year", "hour", "minute", "second")
 _SUFFICIENT = ({"year", "month", "day", "hour"}, {"year", "day_of_year"})
@@ -134,7 +141,7 @@ _PART_BY_NAME = {word: part for part, words in _PARTS.items() for word in words.
 
 #: What `pipeline.ingest.text` adds to a name that comes again.
 _REPEATED = re.compile(r" #\d+$")
-_TIME_UNITS = {"s", "ms", "us", "ns"}
+_TIME_UNITS = {"s", "ms", "us", "ns", "timestamp"}
 
 
 def quantity(header: str, below: str = "") -> tuple[str | None, str | None]:
@@ -185,6 +192,11 @@ def is_magnetic(header: str) -> bool:
     return _plain(re.sub(r"[(\[].*", "", header)) in _MAGNETIC
 
 
+def is_reckoned(header: str) -> bool:
+    """Return whether a column of positions holds the vehicle's own reckoning by its `header`, no fixes."""
+    return _plain(header) in _RECKONED
+
+
 def of_receiver(header: str) -> str | None:
     """Return what column `header` is of a receiver's own record (``TIME_GPS``, ``LATITUDE_GPS_QC``), None if none."""
     plain = _plain(re.sub(r"[(\[].*", "", header))
@@ -231,7 +243,7 @@ def _lookup(words: str) -> str | None:
     if words in _BY_NAME or words in _FIXES:
         return _BY_NAME.get(words) or _FIXES[words]
     first, _, rest = words.partition("_")
-    return _lookup(rest) if first in _PREFIXES and rest else None
+    return _lookup(rest) if first in _PREFIXES and rest and words not in _OTHERS else None
 
 
 def _plain(text: str) -> str:

@@ -15,8 +15,9 @@ Array = npt.NDArray[np.float64]
 #: Columns that belong together: the companion comes from the stream that its leader comes from.
 _COMPANIONS = {"speed_through_water_std": "speed_through_water", "longitude": "latitude"}
 _CTD = ("conductivity", "temperature")
-#: Pressure of the CTD is taken where it covers at least this share of the other instrument's record.
-_COVERAGE, _NEAR = 0.8, 120.0
+#: Pressure of the CTD is taken where it covers at least this share of the other instrument's record under water
+#: (dbar), which is where a value of it is as near as this (s).
+_COVERAGE, _UNDER_WATER, _NEAR = 0.8, 2.0, 120.0
 
 
 def merged(streams: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
@@ -114,6 +115,8 @@ def _owners(streams: list[pd.DataFrame], findings: list[Finding]) -> dict[str, i
         best = max(carriers, key=lambda k: (counts[k] > 0, _has_ctd(streams[k]), counts[k], -k))
         if name == "pressure":
             best = _covering(streams, carriers, counts, best)
+        if name == "latitude":
+            best = max(carriers, key=lambda k: (*_fixes(streams[k]), -k))
         owner[name] = best
         for k in carriers:
             if k != best and counts[k] and not name.endswith("_qc"):
@@ -130,20 +133,39 @@ def _owners(streams: list[pd.DataFrame], findings: list[Finding]) -> dict[str, i
     return owner
 
 
+def _fixes(frame: pd.DataFrame) -> tuple[bool, int]:
+    """Return whether most positions of a stream are fixes, as a receiver's own are, and how many."""
+    known = np.isfinite(frame["latitude"].to_numpy(dtype=np.float64))
+    good = known & (frame["latitude_qc"] == Quality.GOOD).to_numpy() if "latitude_qc" in frame else known
+    return bool(2 * good.sum() > known.sum()), int(good.sum())
+
+
 def _covering(streams: list[pd.DataFrame], carriers: list[int], counts: dict[int, int], best: int) -> int:
     """Return `best`, or the stream with most of the record where `best` leaves out too much of it."""
-    times = {k: streams[k]["time"].to_numpy()[np.isfinite(streams[k]["pressure"].to_numpy())] for k in carriers}
+    series = {k: streams[k][["time", "pressure"]].to_numpy(dtype=np.float64).T for k in carriers}
     for k in sorted(carriers, key=lambda k: -counts[k]):
-        if k != best and counts[k] and counts[best] and _share_near(times[k], times[best]) < _COVERAGE:
+        if k != best and counts[k] and counts[best] and not covers(*series[best], *series[k]):
             return k
     return best
 
 
-def _share_near(times: Array, others: Array) -> float:
-    """Return the share of `times` with one of `others` within two minutes."""
-    after = np.clip(np.searchsorted(others, times), 0, others.size - 1)
-    gap = np.minimum(np.abs(others[after] - times), np.abs(times - others[np.maximum(after - 1, 0)]))
-    return float(np.mean(gap < _NEAR))
+def covers(time: Array, pressure: Array, other_time: Array, other_pressure: Array) -> bool:
+    """Return whether a record of pressure leaves out little of another one under water; a CTD may sleep on climbs.
+
+    Parameters
+    ----------
+    time, pressure
+        s and dbar, NaN where not measured, times increasing; shape (m,).
+    other_time, other_pressure
+        The same of the other; shape (n,).
+    """
+    known = time[np.isfinite(time) & np.isfinite(pressure)]
+    others = other_time[np.isfinite(other_time) & (other_pressure > _UNDER_WATER)]
+    if not known.size or not others.size:
+        return bool(known.size)
+    after = np.clip(np.searchsorted(known, others), 0, known.size - 1)
+    gap = np.minimum(np.abs(known[after] - others), np.abs(others - known[np.maximum(after - 1, 0)]))
+    return bool(np.mean(gap < _NEAR) >= _COVERAGE)
 
 
 def _count(frame: pd.DataFrame, name: str) -> int:

@@ -24,6 +24,8 @@ Variables = dict[str, npt.NDArray[Any]]
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEAP = b"GCOL\x01\0\0\0"
+#: Flags may be letters.
+_FLAG = re.compile(r"_(qc|quality_control|flag)$", re.IGNORECASE)
 _ATTRIBUTES = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 
 
@@ -72,8 +74,8 @@ def series(path: Path) -> tuple[dict[tuple[str, ...], dict[str, str]], dict[str,
     Returns
     -------
     units, meanings
-        By dimensions the numeric variables that have any, and their units, "" where none is stated; and the standard
-        names of those that have one.
+        By dimensions the numeric variables that have any, and flags that are letters, and their units, "" where none
+        is stated; and the standard names of those that have one.
 
     Raises
     ------
@@ -91,9 +93,12 @@ def series(path: Path) -> tuple[dict[tuple[str, ...], dict[str, str]], dict[str,
             with _hdf5(path) if magic == _HDF5 else netcdf_file(path, "r", mmap=False) as file:
                 for name, variable in file.variables.items():
                     dtype = np.dtype(variable.dtype if magic == _HDF5 else variable.data.dtype)
-                    if variable.dimensions and dtype.kind in "fiu":
+                    letters = dtype == "S1" and bool(_FLAG.search(str(name)))
+                    if variable.dimensions and (dtype.kind in "fiu" or letters):
                         attributes = variable.attrs if magic == _HDF5 else variable.__dict__
-                        out.setdefault(tuple(map(str, variable.dimensions)), {})[str(name)] = _text(attributes, "units")
+                        along = tuple(map(str, variable.dimensions))
+                        along = along[:-1] if letters and len(along) > 1 and variable.shape[-1] == 1 else along
+                        out.setdefault(along, {})[str(name)] = _text(attributes, "units")
                         if meaning := _text(attributes, "standard_name"):
                             meanings[str(name)] = meaning
     except Exception as error:  # whatever a damaged file makes of offsets, lengths and types

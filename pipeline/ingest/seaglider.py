@@ -28,6 +28,7 @@ import pandas as pd
 from pipeline.findings import Finding, InputError, Severity
 from pipeline.ingest import adcp, basestation, netcdf, seawater
 from pipeline.ingest.logs import Logs, UnreadableError, gather
+from pipeline.ingest.merge import covers
 from pipeline.ingest.table import SEAGLIDER
 from pipeline.mission import Mission
 from pipeline.records import Quality
@@ -122,7 +123,7 @@ def read(mission: Mission) -> Logs:
             raise InputError(mission.folder.name, found="no Seaglider file", expected="pSSSDDDD.nc")
         count = f"{len(paths)} Seaglider file{'s' if len(paths) > 1 else ''}"
         raise InputError(mission.folder.name, found=f"{count}, none of them readable", remedy=str(findings[0]))
-    own_pressure = any(dive.own_pressure is not None for dive in dives)
+    own_pressure = _covered(dives)
     parts = [dive.streams(own_pressure) for dive in dives]
     for dive in dives:
         findings += dive.findings
@@ -146,6 +147,23 @@ def read(mission: Mission) -> Logs:
         constants=constants,
         stored=stored if len(stored) else None,
     )
+
+
+def _covered(dives: list[_Dive]) -> bool:
+    """Return whether the pressure of the CTD covers that of the vehicle over all dives, or is the only one."""
+    own: list[Array] = []
+    vehicle: list[Array] = []
+    for dive in dives:
+        for series, clock, pressure in (
+            (own, dive.get("ctd_time"), dive.own_pressure),
+            (vehicle, dive.get("time"), dive.depth),
+        ):
+            if clock is not None and pressure is not None:
+                series.append(np.column_stack([clock, pressure]))
+    if not own or not vehicle:
+        return bool(own)
+    ordered = [table[np.argsort(table[:, 0], kind="stable")].T for table in map(np.concatenate, (own, vehicle))]
+    return covers(*ordered[0], *ordered[1])
 
 
 @dataclass
@@ -181,7 +199,16 @@ class _Dive:
         for name in self.variables:
             values = self.get(name)
             if re.fullmatch(_OWN_PRESSURE, name, re.IGNORECASE) and values is not None and time is not None:
-                return values if values.shape == time.shape else None
+                return values if values.shape == time.shape and np.isfinite(values).any() else None
+        return None
+
+    @property
+    def depth(self) -> Array | None:
+        """The vehicle's pressure [dbar], or the depth [m] that it stands for, on the engineering clock."""
+        time = self.get("time")
+        for values in (self.get("pressure"), self.get("depth")):
+            if values is not None and time is not None and values.shape == time.shape:
+                return values
         return None
 
     def streams(self, own_pressure: bool) -> dict[str, pd.DataFrame]:
@@ -190,11 +217,11 @@ class _Dive:
         Parameters
         ----------
         own_pressure
-            Whether the CTD of the mission measures pressure; the vehicle's is then not read, for two sensors of
+            Whether the pressure that the CTD measures is used; the vehicle's is then not read, for two sensors of
             different calibration must not take turns.
         """
         engineering = self._engineering(own_pressure)
-        ctd = self._ctd(engineering)
+        ctd = self._ctd(engineering, own_pressure)
         if len(engineering) == len(ctd) and len(ctd) and np.abs(engineering["time"] - ctd["time"]).max() < 1e-3:
             shared = ctd.drop(columns=["time", "pressure_interpolated"], errors="ignore")
             engineering, ctd = engineering.assign(**shared), pd.DataFrame()
@@ -270,7 +297,7 @@ class _Dive:
         latitude = self.get("log_gps_lat")
         return float(np.nanmedian(latitude)) if latitude is not None and np.isfinite(latitude).any() else 45.0
 
-    def _ctd(self, engineering: pd.DataFrame) -> pd.DataFrame:
+    def _ctd(self, engineering: pd.DataFrame, own_pressure: bool) -> pd.DataFrame:
         time = self.get("ctd_time")
         time = self.get("time") if time is None else time
         if time is None or time.ndim != 1:
@@ -286,6 +313,9 @@ class _Dive:
             columns[name] = values
             columns[f"{name}_qc"] = self._flags(name, values)
         own = self.own_pressure
+        if own is not None and not own_pressure:
+            self.say("note", "a CTD that measures pressure", "", "it sleeps too often: the vehicle's own is used")
+            own = None
         if own is not None:
             self.say("note", "a CTD that measures pressure", "", "the vehicle's own pressure is not used")
             columns["pressure"] = own

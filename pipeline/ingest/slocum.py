@@ -2,7 +2,7 @@
 
 Names, units and signs are those of the glider's ``masterdata``: angles in rad, pressure in bar, conductivity in S/m,
 engine in cc, battery in inches and V, pitch nose up, roll positive with the port wing up. ``m_heading`` is magnetic;
-``m_gps_mag_var`` is positive west, magnetic = true + variation. The glider's depth and depth rate are not read.
+``m_gps_mag_var`` is positive west, magnetic = true + variation. The glider's depth rate is not read.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
-from pipeline.ingest import dinkum
+from pipeline.ingest import dinkum, seawater
 from pipeline.ingest.logs import Logs, UnreadableError, gather
 from pipeline.mission import Mission
 
@@ -30,13 +30,19 @@ _SCIENCE = "ent"
 
 _ENGINES = ("m_ballast_pumped", "m_de_oil_vol")
 _FLIGHT = (
-    *("m_pitch", "m_roll", "m_heading", "m_gps_mag_var", "m_pressure", *_ENGINES, "m_battpos", "m_battroll"),
+    *("m_pitch", "m_roll", "m_heading", "m_gps_mag_var", "m_pressure", "m_depth", *_ENGINES, "m_battpos", "m_battroll"),
     *("m_thruster_power", "m_thruster_speed", "m_battery", "m_gps_lat", "m_gps_lon", "m_gps_status"),
 )
 _STAMPS = ("sci_ctd41cp_timestamp", "sci_rbrctd_timestamp")
 _WATER = ("sci_water_pressure", "sci_water_temp", "sci_water_cond")
-#: The same of an RBR CTD whose values are not in those: sea pressure [dbar], [°C], [mS/cm].
-_RBR = ("sci_rbrctd_seapressure_00", "sci_rbrctd_temperature_00", "sci_rbrctd_conductivity_00")
+#: The same of an RBR CTD whose values are not in those, with factor and offset to their units: sea pressure [dbar],
+#: else absolute pressure [dbar], [°C], [mS/cm].
+_RBR = (
+    ("sci_water_pressure", "sci_rbrctd_seapressure_00", 0.1, 0.0),
+    ("sci_water_pressure", "sci_rbrctd_pressure_00", 0.1, -1.01325),
+    ("sci_water_temp", "sci_rbrctd_temperature_00", 1.0, 0.0),
+    ("sci_water_cond", "sci_rbrctd_conductivity_00", 0.1, 0.0),
+)
 #: A CTD's own time stamp precedes the science computer's by less than this [s].
 _LAG = 5.0
 
@@ -66,8 +72,8 @@ def read(mission: Mission) -> Logs:
     """Return the logs of a Slocum mission: a stream of the flight computer and one of the CTD.
 
     The first record of a file repeats old values and is left out. Where a segment is there in several versions
-    (.dbd, .mbd, .sbd) the fullest one that can be read is used. Positions are fixes only. Pressure is the CTD's;
-    the flight computer's only where there is none of a CTD.
+    (.dbd, .mbd, .sbd) the fullest one that can be read is used. Positions are fixes only. Depth is turned into
+    pressure where no pressure was logged.
 
     Raises
     ------
@@ -90,8 +96,11 @@ def read(mission: Mission) -> Logs:
     if "m_pitch" not in flight or not flight["m_pitch"].notna().any():
         raise _without_pitch(mission, segments.findings)
     ctd, about_ctd = _ctd(segments.science)
-    stream, about_flight = _flight(flight, with_pressure="pressure" not in ctd)
+    stream, about_flight = _flight(flight, alone="pressure" not in ctd)
     findings += about_ctd + about_flight
+    if len(ctd) and "pressure" not in ctd and "pressure" in stream:
+        ctd, lent = _with_pressure_lent(ctd, stream)
+        findings.append(lent)
     stream.attrs, ctd.attrs = {"name": "flight"}, {"name": "CTD"}
     return Logs(streams=[frame for frame in (stream, ctd) if len(frame)], findings=gather(findings))
 
@@ -158,7 +167,7 @@ class _Segments:
 
     def _fullest(self, paths: list[Path], scratch: Path, science: bool) -> pd.DataFrame | None:
         """Return the sensors of the first of `paths`, versions of one segment, that can be read."""
-        wanted = (*_WATER, *_RBR, *_STAMPS) if science else _FLIGHT
+        wanted = (*_WATER, *(sensor for _, sensor, *_ in _RBR), *_STAMPS) if science else _FLIGHT
         for index, path in enumerate(paths):
             try:
                 sensors = dinkum.read(path, scratch, wanted)
@@ -219,8 +228,8 @@ def _ordered(frames: list[pd.DataFrame]) -> list[pd.DataFrame]:
     return sorted((frame for frame in frames if len(frame)), key=lambda frame: float(frame["time"].iloc[0]))
 
 
-def _flight(flight: pd.DataFrame, *, with_pressure: bool) -> tuple[pd.DataFrame, list[Finding]]:
-    """Return the stream of the flight computer in SI units, and what is doubtful about it."""
+def _flight(flight: pd.DataFrame, *, alone: bool) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return the stream of the flight computer in SI units, and what is doubtful about it; `alone`: without a CTD's."""
     findings: list[Finding] = []
     out = pd.DataFrame({"time": flight["time"], "pitch": flight["m_pitch"]})
     for name, sensor, factor in (
@@ -245,18 +254,27 @@ def _flight(flight: pd.DataFrame, *, with_pressure: bool) -> tuple[pd.DataFrame,
         fix = _fixes(flight)
         out["latitude"] = flight["m_gps_lat"].where(fix)
         out["longitude"] = flight["m_gps_lon"].where(fix)
-    if with_pressure:
-        if "m_pressure" in flight and flight["m_pressure"].notna().any():
-            out["pressure"] = flight["m_pressure"] * BAR
-            findings.append(
-                Finding("note", "pressure", "", "no pressure of a CTD", "sci_water_pressure", "m_pressure is used")
-            )
-        else:
-            findings.append(
-                Finding("error", "pressure", "", "neither sci_water_pressure nor m_pressure", "one of them")
-            )
+    pressure, used = _pressure(flight)
+    if used:
+        out["pressure"] = pressure
+    if alone:
+        found, expected = "no pressure of a CTD", "sci_water_pressure"
+        without = Finding("error", "pressure", "", "neither sci_water_pressure nor m_pressure", "one of them")
+        findings.append(Finding("note", "pressure", "", found, expected, f"{used} is used") if used else without)
     measured = out.columns.drop("time")
     return out.loc[out[measured].notna().any(axis=1)].reset_index(drop=True), findings
+
+
+def _pressure(flight: pd.DataFrame) -> tuple[pd.Series, str]:
+    """Return the flight computer's pressure [dbar], and what it is of: of depth where no pressure was logged."""
+    for sensor in ("m_pressure", "m_depth"):
+        if sensor in flight and flight[sensor].notna().any():
+            if sensor == "m_pressure":
+                return flight[sensor] * BAR, sensor
+            latitude = flight["m_gps_lat"].where(flight["m_gps_lat"].abs() <= 90.0) if "m_gps_lat" in flight else None
+            middle = 45.0 if latitude is None or latitude.isna().all() else float(latitude.median())
+            return pd.Series(seawater.pressure(flight[sensor].to_numpy(), middle), index=flight.index), sensor
+    return pd.Series(dtype="float64"), ""
 
 
 def _true_heading(flight: pd.DataFrame) -> tuple[pd.Series, list[Finding]]:
@@ -331,13 +349,21 @@ def _ctd(science: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[Finding]]:
     return out, findings
 
 
+def _with_pressure_lent(ctd: pd.DataFrame, flight: pd.DataFrame) -> tuple[pd.DataFrame, Finding]:
+    """Return a CTD without pressure with that of the flight computer at its instants, and a finding that says so."""
+    known = flight[["time", "pressure"]].dropna().sort_values("time")
+    lent = np.interp(ctd["time"], known["time"], known["pressure"], left=np.nan, right=np.nan)
+    used = "pressure interpolated to its instants serves salinity and density, never depth"
+    return ctd.assign(pressure_interpolated=lent), Finding("note", "CTD", "", "a CTD without pressure", "", used)
+
+
 def _with_rbr(frame: pd.DataFrame) -> tuple[pd.DataFrame, set[str]]:
     """Return `frame` with what an RBR CTD measured in the place and units of what is missing or zero, and its names."""
     changed, taken = {}, set()
-    for name, sensor, factor in zip(_WATER, _RBR, (1.0 / BAR, 1.0, 0.1), strict=True):
-        silent = name not in frame or not (frame[name].fillna(0.0) != 0.0).any()
+    for name, sensor, factor, offset in _RBR:
+        silent = name not in changed and (name not in frame or not (frame[name].fillna(0.0) != 0.0).any())
         if silent and sensor in frame and (frame[sensor].fillna(0.0) != 0.0).any():
-            changed[name] = frame[sensor] * factor
+            changed[name] = frame[sensor] * factor + offset
             taken.add(sensor)
     return frame.assign(**changed), taken
 

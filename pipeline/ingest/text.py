@@ -97,6 +97,8 @@ def sniff(path: Path) -> Layout:
     separator = _separator(header)
     names = _fields(header, separator)
     body = lines[start + 1 :]
+    if _are_numbered([_fields(line, separator) for line in body[:_LINES] if line.strip()], len(names)):
+        names = ["", *names]
     if all(is_numeral(name) for name in names):
         raise UnreadableError("numbers without a header", table, f"{out}; add a first line that names the columns")
     if len(names) < 2 and separator == "":
@@ -115,6 +117,16 @@ def sniff(path: Path) -> Layout:
     decimal = "," if separator != "," and _decimal_commas(records) else "."
     first = next((record for record in records if len(record) == len(names)), records[0] if records else [])
     return Layout(_unique(names), units, separator, skipped, decimal, encoding, first, quoted='"' in text)
+
+
+def _are_numbered(records: list[list[str]], count: int) -> bool:
+    """Return whether `records` have the number of their row before `count` fields, as R writes tables."""
+    numbers = [record[0].strip('"') for record in records]
+    return (
+        bool(records)
+        and {len(record) for record in records} == {count + 1}
+        and numbers == [str(k + 1) for k in range(len(records))]
+    )
 
 
 def _beginning(path: Path) -> bytes:

@@ -19,13 +19,18 @@ if TYPE_CHECKING:
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Units by the least number that today is in them.
 _SIZES = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
-_YEAR_1990 = 631152000.0
+_YEAR_1990, _YEAR_2060 = 631152000.0, 2840140800.0
+#: s from 1900, which NTP and the OOI count from, to 1970: today is 3.9e9 in them, as 2093 is in s since 1970.
+_NTP = 2208988800.0
 _ZONE = re.compile(r"(?:Z|UTC|GMT|[+-]\d{2}:?\d{2}|(?<=:\d{2})[+-]\d{2}|(?<=\.\d)[+-]\d{2})\s*$", re.IGNORECASE)
 _SLASHED = re.compile(r"^\s*(\d{1,2})[/.-](\d{1,2})[/.-](\d{4})")
 _NAMED = re.compile(r"^\d{1,2}([/. -])[A-Za-z]{3}[/. -]\d{4}")
 #: A date with the name of its month, in another order or written out.
 _MONTH = re.compile(r"(?:^|[^A-Za-z])(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*", re.IGNORECASE)
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.,]\d+)?)?(?P<half>\s*[AaPp][Mm])?")
+#: Parts of a date as a header writes its layout.
+_TOKEN = re.compile(r"yyyy|yy|mm|dd|hh|ss|[^a-z]+")
+_LAYOUTS = {"yyyy": "%Y", "yy": "%y", "mm": "%m", "dd": "%d", "hh": "%H", "ss": "%S"}
 #: Files of a SeaExplorer, whose dates have the day first.
 _SEAEXPLORER = re.compile(r"\.(gli|pld\d)\.(sub|raw)\b", re.IGNORECASE)
 #: CF units of time: seconds in the unit and the instant that it counts from.
@@ -55,8 +60,9 @@ def is_unit(unit: str | None) -> bool:
 def numeric(values: Array, unit: str | None, file: str, column: str, timezone: str = "UTC") -> Array:
     """Return numeric times, shape (n,), as seconds since 1970 UTC.
 
-    Without `unit` it follows from the size: 1.5e9 are seconds, 1.5e12 ms, 1.5e15 µs, 1.5e18 ns, 7.36e5 days of
-    MATLAB's datenum, 2.457e6 Julian days, 2.016e13 a date and time run together (20160622173000).
+    Without `unit` it follows from the size: 1.5e9 are seconds, 3.7e9 those since 1900 of NTP, 1.5e12 ms, 1.5e15 µs,
+    1.5e18 ns, 7.36e5 days of MATLAB's datenum, 2.457e6 Julian days, 2.016e13 a date and time run together
+    (20160622173000).
     Days of a calendar that names no zone (datenum, "days since …") are those of `timezone`, IANA name, as are dates run
     together; seconds since 1970 are UTC, and so are Julian days.
 
@@ -91,6 +97,8 @@ def numeric(values: Array, unit: str | None, file: str, column: str, timezone: s
             remedy=nearest(unit, [*UNITS, *_DAYS, "iso"]),
         )
     seconds = values * UNITS[unit]
+    if unit == "s" and finite.size and _YEAR_1990 <= float(np.median(finite)) - _NTP < _YEAR_2060:
+        return np.asarray(seconds - _NTP)
     if finite.size and float(finite.max()) * UNITS[unit] < _YEAR_1990:
         raise InputError(
             file,
@@ -219,6 +227,20 @@ def zoned(texts: pd.Series[Any], timezone: str, file: str) -> Array | None:
         return None
     numbers = stamps.fill_null(0).cast(pa.int64()).to_numpy()
     return np.where(stamps.is_null().to_numpy(zero_copy_only=False), np.nan, numbers * 1e-9)
+
+
+def as_format(unit: str) -> str:
+    """Return the `strptime` format that a header like ``dd/mm/yyyy hh:mm`` says; `unit` itself where it says none.
+
+    Dates with the year first need none.
+    """
+    tokens = _TOKEN.findall(unit.lower())
+    if "".join(tokens) != unit.lower() or not {"dd", "mm"} <= set(tokens) or tokens[0].startswith("y"):
+        return unit
+    out = ""
+    for token in tokens:
+        out += "%M" if token == "mm" and "%H" in out else _LAYOUTS.get(token, token)
+    return out if "%y" in out.lower() else unit
 
 
 def textual(texts: pd.Series[Any], unit: str | None, timezone: str, file: str, column: str) -> Array:

@@ -68,11 +68,15 @@ _SPEED = Dimension(
 #: ``ddmm``: degrees and decimal minutes run together, 5442.5 = 54° 42.5', as NMEA receivers write.
 _POSITION = Dimension("position", {"deg": (1.0, 0.0), "rad": (180.0 / math.pi, 0.0), "ddmm": (1.0, 0.0)})
 _SALINITY = Dimension("practical salinity", {"1": (1.0, 0.0)})
+_FLAG = Dimension("flag", {"1": (1.0, 0.0)})
 
 #: What a plain table may hold besides time, and its kind. `depth` and `salinity` become pressure and conductivity,
-#: `magnetic_variation` turns a magnetic heading true, the beams of a Doppler profiler become a speed through water.
+#: `pressure_interpolated` is one that serves salinity and density alone, `magnetic_variation` turns a magnetic heading
+#: true, `dead_reckoning` is 1 where positions are no fixes, the beams of a Doppler profiler become a speed through
+#: water.
 QUANTITIES: dict[str, Dimension] = {
     "pressure": _PRESSURE,
+    "pressure_interpolated": _PRESSURE,
     "depth": _LENGTH,
     "temperature": _TEMPERATURE,
     "conductivity": _CONDUCTIVITY,
@@ -92,6 +96,7 @@ QUANTITIES: dict[str, Dimension] = {
     "latitude": _POSITION,
     "longitude": _POSITION,
     "magnetic_variation": _ANGLE,
+    "dead_reckoning": _FLAG,
     "profiler_pressure": _PRESSURE,
     "beam_fore": _SPEED,
     "beam_port": _SPEED,
@@ -156,6 +161,13 @@ _SPELLINGS = {
     "radians": "rad",
     "s_m": "s/m",
     "siemens/m": "s/m",
+    "siemens_per_meter": "s/m",
+    "siemens_per_metre": "s/m",
+    "siemens/meter": "s/m",
+    "siemens/metre": "s/m",
+    "millisiemens/cm": "ms/cm",
+    "millisiemens_per_centimeter": "ms/cm",
+    "millisiemens/centimeter": "ms/cm",
     "mmho/cm": "ms/cm",
     "mmhos/cm": "ms/cm",
     "mho/m": "s/m",
@@ -216,6 +228,12 @@ _SPELLINGS = {
     "degreese": "deg",
     "degt": "deg",
     "degreestrue": "deg",
+    "degrees_true": "deg",
+    "degree_true": "deg",
+    "arc_degree": "deg",
+    "arc_degrees": "deg",
+    "angular_degree": "deg",
+    "angular_degrees": "deg",
     "psu": "1",
     "ppt": "1",
     "‰": "1",
@@ -235,7 +253,7 @@ _PLAIN = str.maketrans("³µμ⁻¹º", "3uu-1°")
 
 def spelling(unit: str) -> str:
     """Return `unit` as the tables of this module spell it: lower case, no blanks, no superscripts."""
-    plain = re.sub(r"[\s^*]", "", unit.strip().lower()).translate(_PLAIN)
+    plain = re.sub(r"[\s^*{}]", "", unit.strip().lower()).translate(_PLAIN)
     plain = re.sub(r"(?<=[a-z])\.(?=[a-z]+-1)", "", plain)
     return _SPELLINGS.get(plain, plain)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,13 @@ def test_a_ctd_that_computes_its_values_is_read_with_its_own_pressure(tmp_path: 
     np.testing.assert_allclose(engineering["temperature"], 8.0)
     np.testing.assert_allclose(engineering["conductivity"], 3.5)
     np.testing.assert_allclose(engineering["pressure"], 7.0)
+
+
+def test_a_ctd_that_was_off_leaves_the_vehicles_depth(tmp_path: Path) -> None:
+    record = eng(f"{COLUMNS},rbr_conduc,rbr_temp,rbr_pressure", more=(math.nan, math.nan, math.nan))
+    engineering = named(read(tmp_path, p1230001_eng=record, p1230001_log=LOG))["engineering"]
+    assert engineering["pressure"].notna().all()
+    assert "temperature" not in engineering
 
 
 @pytest.mark.parametrize("place", ["sc0001{0}__psc1230001{0}_legatoPoll_ct", "psc1230001{0}_legatoPoll_ct"])

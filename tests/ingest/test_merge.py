@@ -94,6 +94,27 @@ def test_a_ctd_that_sleeps_on_the_climbs_does_not_hide_them() -> None:
     assert str(findings[0]) == "ctd.csv: pressure: found 300 values of pressure; not used: flight.csv has it too"
 
 
+def test_a_ctd_that_sleeps_at_the_surface_is_the_one() -> None:
+    """Ten minutes afloat before a dive of five."""
+    flight = [0.1] * 600 + list(range(300))
+    asleep = [np.nan] * 600 + list(range(300))
+    table, _ = merge.merged(_pair(asleep, flight))
+    assert table["pressure"].count() == 300
+
+
+def test_a_receivers_own_fixes_go_before_those_among_reckoned_positions() -> None:
+    time = np.arange(100.0)
+    reckoned = pd.DataFrame(
+        {"time": time, "latitude": 45.0, "longitude": 10.0, "temperature": 9.0, "conductivity": 3.0}
+    )
+    for name in ("latitude_qc", "longitude_qc"):
+        reckoned[name] = np.where(time < 20.0, Quality.GOOD, Quality.BAD).astype(np.int8)
+    fixes = pd.DataFrame({"time": [0.5, 90.5], "latitude": 45.1, "longitude": 10.1})
+    fixes = fixes.assign(latitude_qc=np.int8(Quality.GOOD), longitude_qc=np.int8(Quality.GOOD))
+    table, _ = merge.merged([reckoned, fixes])
+    assert table["latitude"].dropna().tolist() == table["longitude"].dropna().add(35.0).tolist() == [45.1, 45.1]
+
+
 def test_the_std_of_a_speed_comes_from_the_same_sensor_as_the_speed() -> None:
     dvl = pd.DataFrame(
         {"time": [0.0, 1.0], "speed_through_water": [0.3, 0.4], "speed_through_water_std": [0.01, np.nan]}

@@ -116,6 +116,20 @@ def test_a_ctd_that_measures_pressure_replaces_the_vehicles(tmp_path):
     assert lines(logs) == ["p1230001.nc: found a CTD that measures pressure; the vehicle's own pressure is not used"]
 
 
+@pytest.mark.parametrize("measured", [[2.0, np.nan, np.nan, np.nan], [np.nan] * 4])
+def test_a_ctd_that_sleeps_does_not_take_the_vehicles_pressure_along(tmp_path, measured):
+    """An hour and a half between samples: one alone says nothing of the others."""
+    slow = {"time": ("sg_data_point", T0 + 1000.0 * np.arange(5)), "ctd_pressure": None}
+    slow["ctd_time"] = ("ctd_data_point", T0 + 300.0 + 1000.0 * np.arange(4))
+    logs = read(write(tmp_path, "p1230001.nc", dive(**slow, legato_pressure=("ctd_data_point", np.array(measured)))))
+    streams = named(logs)
+    assert streams["engineering"]["pressure"].notna().all()
+    assert "pressure" not in streams["CTD"]
+    assert streams["CTD"]["pressure_interpolated"].notna().all()
+    said = "p1230001.nc: found a CTD that measures pressure; it sleeps too often: the vehicle's own is used"
+    assert (said in lines(logs)) == bool(np.isfinite(measured).any())
+
+
 def test_a_ctd_on_the_vehicles_clock_shares_its_rows_and_its_pressure(tmp_path):
     together = {
         "ctd_time": ("sg_data_point", T0 + 10.0 * np.arange(5)),

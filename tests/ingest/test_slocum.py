@@ -62,7 +62,34 @@ def test_each_computer_keeps_its_own_clock_and_the_stale_first_record_is_left_ou
     np.testing.assert_allclose(flight["pitch"], [-0.1 * i for i in range(1, 6)], rtol=1e-6)
     assert ctd["time"].tolist() == [T0 + i - 0.25 for i in range(1, 8)]
     np.testing.assert_allclose(ctd["pressure"], [i + 1.0 for i in range(1, 8)], rtol=1e-6)
-    assert "pressure" not in flight
+    np.testing.assert_allclose(flight["pressure"], [10.0 * i for i in range(1, 6)], rtol=1e-6)
+
+
+def test_depth_is_turned_into_pressure_where_no_pressure_was_logged_and_lent_to_a_ctd_without(tmp_path):
+    sensors = dict(FLIGHT) | {"m_depth": 4}
+    write(tmp_path, "00010000.dbd", dbd(sensors, [flight_row(4.0 * i, m_depth=10.0 * i) for i in range(6)]))
+    water = {name: size for name, size in SCIENCE.items() if name != "sci_water_pressure"}
+    rows = [{name: value for name, value in row.items() if name in water} for row in SCIENCE_ROWS]
+    write(tmp_path, "00010000.ebd", dbd(water, rows))
+    logs = read(tmp_path)
+    flight, ctd = logs.streams
+    expected = gsw.p_from_z(-10.0 * np.arange(1, 6), 45.0)
+    np.testing.assert_allclose(flight["pressure"], expected, rtol=1e-6)
+    lent = np.interp([4.75, 5.75, 6.75], [4.0, 8.0], expected[:2])
+    np.testing.assert_allclose(ctd["pressure_interpolated"].to_numpy()[4:], lent)
+    said = " ".join(str(finding) for finding in logs.findings)
+    assert "pressure: found no pressure of a CTD; expected sci_water_pressure; m_depth is used" in said
+    assert "CTD: found a CTD without pressure; pressure interpolated to its instants serves salinity" in said
+
+
+def test_the_absolute_pressure_of_an_rbr_ctd_is_taken_where_there_is_none_of_the_sea(tmp_path):
+    sensors = {name: size for name, size in SCIENCE.items() if name != "sci_water_pressure"}
+    rows = [science_row(float(i)) | {"sci_rbrctd_pressure_00": 10.1325 + i} for i in range(8)]
+    rows = [{name: value for name, value in row.items() if name != "sci_water_pressure"} for row in rows]
+    write(tmp_path, "00010000.dbd", dbd(FLIGHT, FLIGHT_ROWS))
+    write(tmp_path, "00010000.ebd", dbd(sensors | {"sci_rbrctd_pressure_00": 8}, rows))
+    _, ctd = read(tmp_path).streams
+    np.testing.assert_allclose(ctd["pressure"], np.arange(1.0, 8.0))
 
 
 def test_units_and_signs_become_the_canonical_ones(tmp_path):
