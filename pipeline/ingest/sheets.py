@@ -147,10 +147,18 @@ def _of_netcdf(path: Path) -> list[Sheet]:
     series, meanings = netcdf.series(path)
     clocked = {key: units for key, units in series.items() if any(quantity(name)[0] == "time" for name in units)}
     if not any(quantity(name)[0] in _SERIES for units in clocked.values() for name in units):
-        for dimensions, units in series.items():
-            gridded = [name for name in units if len(dimensions) > 1 and quantity(name)[0] in _SERIES]
-            if gridded:
-                found = f"'{gridded[0]}' on a grid of {' by '.join(dimensions)}"
+        measured = [
+            (name, dimensions)
+            for dimensions, units in sorted(series.items(), key=lambda item: -len(item[0]))
+            for name in units
+            if quantity(name)[0] in _SERIES and (name,) != dimensions
+        ]
+        for name, dimensions in measured:
+            if len(dimensions) > 1 or clocked:
+                grid = f"on a grid of {' by '.join(dimensions)}"
+                found = (
+                    f"'{name}' {grid if len(dimensions) > 1 else f'along {dimensions[0]}, of which there is no time'}"
+                )
                 raise UnreadableError(found, "series along a time", "file left out; give the logs that it was made of")
     clocked = clocked or {key: units for key, units in series.items() if len(key) == 1}
     out = []

@@ -129,6 +129,16 @@ def test_series_of_several_dimensions_are_read_where_time_has_them_too(read: Cal
     np.testing.assert_allclose(stream["pitch"], np.radians(ROWS))
 
 
+def test_series_without_a_time_say_that_they_have_none(read: Callable[..., Logs]) -> None:
+    """Ragged: the time is each profile's, the measurements are along obs."""
+    rows = np.arange(8.0)
+    ragged: Variables = {"time": ("profile", START + rows[:2], SECONDS), "pressure": ("obs", rows, {"units": "dbar"})}
+    assert (
+        "unit.nc: found 'pressure' along obs, of which there is no time; expected series along a time; "
+        "file left out; give the logs that it was made of"
+    ) in map(str, read(ragged).findings)
+
+
 def test_profiles_on_a_grid_of_depths_say_what_they_are(read: Callable[..., Logs]) -> None:
     grid: Variables = {
         "time": ("profile", START + ROWS, SECONDS),
