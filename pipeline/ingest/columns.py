@@ -51,7 +51,7 @@ _LIKELIER = {
     "time": ("precise",),
     "latitude": ("gps", "precise"),
     "longitude": ("gps", "precise"),
-    "pressure": ("sea",),
+    "pressure": ("sea", "sci"),
     "temperature": ("sci",),
     "conductivity": ("sci",),
 }
