@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import get_args
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -22,6 +21,8 @@ from pipeline.vehicle import load
 FORCE = 7.0
 #: Pitch inertia of the vehicle and the one behind the printed ε_2, kg m².
 INERTIAS = (12.3, 0.300)
+#: What may be held of a propeller whose thrust is given.
+HELD: tuple[Hold, ...] = ("propeller_speed", "thrust", "advance_ratio")
 #: Semi-axes (V̄, γ̄, ᾱ) of a quadratic function known before, gliding and driven.
 KNOWN = {0.0: (0.242, 0.165, 0.269), FORCE: (0.320, 0.153, 0.156)}
 
@@ -32,7 +33,7 @@ def name(thrust: float) -> str:
 
 def eigenvalues() -> None:
     """Print the eigenvalues by what is held."""
-    for hold in get_args(Hold):
+    for hold in HELD:
         found = modes(equilibrium(load("petrel-ii"), FORCE, thrust=FORCE, hold=hold))
         print(f"driven, {hold.replace('_', ' ')} held: eigenvalues {np.round(found.eigenvalues, 4).tolist()} 1/s")
 

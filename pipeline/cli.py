@@ -276,7 +276,7 @@ def paper(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of paper.html and paper.json.")] = Path("paper"),
     json: Json = False,
 ) -> None:
-    """Every number and figure of Niu et al. 2017, computed again."""
+    """Every number and figure of the paper of the theory (Niu 2017), computed again."""
     from pipeline.paper import PAGE, write
 
     _writable(out)

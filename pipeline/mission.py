@@ -135,8 +135,10 @@ class Mission(_Strict):
     format: Literal["auto", "slocum", "seaglider", "table"] = Field(
         "auto", description="of the logs; recognised from the files"
     )
-    latitude: float | None = Field(None, ge=-90, le=90, description="degrees north, where the logs carry no position")
-    longitude: float | None = Field(None, ge=-180, le=360, description="degrees east")
+    latitude: float | None = Field(
+        None, ge=-90, le=90, description="degrees north, for gravity, depth and salinity; else the median fix"
+    )
+    longitude: float | None = Field(None, ge=-180, le=360, description="degrees east; else the median fix")
     clock_offset: float = Field(
         0.0,
         ge=-3600,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.geodesy import WGS84, apart, radii
+from pipeline.geodesy import LATITUDE, WGS84, apart, radii, typical_latitude
 
 #: Lengths, m, of a degree of latitude and of longitude on WGS 84 (NGA, "Length of a degree of latitude and longitude").
 DEGREE = {
@@ -48,3 +48,10 @@ def test_neither_the_date_line_nor_the_way_of_counting_longitude_matters(
     assert east == pytest.approx(-back_east, abs=1e-4)
     assert north == pytest.approx(-back_north, abs=1e-6)
     assert np.sign(north) == np.sign(step) or abs(step) < 1e-9
+
+
+def test_a_mission_is_where_its_file_says_the_equator_too_else_at_the_median_fix() -> None:
+    fixes = [np.nan, 10.0, 12.0, 40.0, 6969.7]
+    assert typical_latitude(fixes, 0.0) == 0.0
+    assert typical_latitude(fixes) == 12.0
+    assert typical_latitude([np.nan]) == typical_latitude(None) == LATITUDE

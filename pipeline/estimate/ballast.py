@@ -14,20 +14,10 @@ from pipeline.mission import Mission
 from pipeline.model.forces import GRAVITY
 from pipeline.vehicle import Vehicle
 
-#: Degrees north, where neither fixes nor mission.yaml tell.
-LATITUDE = 45.0
 #: 1-sigma (N) of net buoyancy where nothing is known but that the vehicle can both sink and float.
 ASSUMED_STD = 2.0
 #: The same where the logs carry the hull's volume and mission.yaml no 1-sigma.
 LOGGED_STD = 0.5
-
-
-def latitude(records: pd.DataFrame, mission: Mission) -> float:
-    """Return the latitude of gravity, degrees north: of the fixes, else of the mission, else `LATITUDE`."""
-    fixes = records["latitude"].dropna()
-    if len(fixes):
-        return float(fixes.median())
-    return LATITUDE if mission.latitude is None else mission.latitude
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,11 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.ballast import Hull, borrowed_std, latitude
+from pipeline.estimate.ballast import Hull, borrowed_std
 from pipeline.estimate.forcing import weight_around
 from pipeline.estimate.series import LEVEL, powered
 from pipeline.findings import Finding
+from pipeline.geodesy import typical_latitude
 from pipeline.mission import Mission
 from pipeline.model.exchange import HULL_TIME_BEFORE, carried, fairing_of, lagged
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy, power_for, thrust_by_power
@@ -68,7 +69,7 @@ def means(
     number, place = records["block"].to_numpy(), np.arange(len(records))
     stamps, dives, reasons = records["time"].array, records["dive"].to_numpy(), estimates["reason"]
     engine = records["buoyancy_volume"].ffill().bfill().to_numpy()
-    gravity = float(gsw.grav(latitude(records, mission), 0.0))
+    gravity = float(gsw.grav(typical_latitude(records["latitude"], mission.latitude), 0.0))
     rotation, power = (records[name].ffill().to_numpy() for name in ("propeller_speed", "propeller_power"))
     nothing = np.zeros(time.size)
     water = (nothing, nothing)
@@ -227,6 +228,7 @@ def _buoyancy(
     if body is None:
         return nothing
     density, pressure, temperature = (_mean(part[name]) for name in ("density", "pressure", "temperature"))
+    temperature = vehicle["reference_temperature"] if math.isnan(temperature) else temperature
     value = float(
         net_buoyancy(
             mass=body.mass,

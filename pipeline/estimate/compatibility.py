@@ -28,6 +28,7 @@ from pipeline.estimate.sensors import Scale
 from pipeline.estimate.series import Series, from_records
 from pipeline.estimate.spikes import FASTEST, SPAN, depth_spikes, pitch_spikes, speed_spikes
 from pipeline.findings import Finding
+from pipeline.geodesy import typical_latitude
 from pipeline.mission import Mission
 from pipeline.records import Quality, usable
 from pipeline.vehicle import Vehicle
@@ -110,7 +111,9 @@ def reconcile(records: pd.DataFrame, series: Series, vehicle: Vehicle, mission: 
     report["pressure_lag"] = quantity(
         "s", reason="with one pressure sensor a lag cannot be told from the offset between the clocks: see clock_offset"
     )
-    report["pressure_offset"], shift = _pressure_offset(records, series, findings)
+    report["pressure_offset"], shift = _pressure_offset(
+        records, series, typical_latitude(records["latitude"], mission.latitude), findings
+    )
     report["pitch_bias"], report["pitch_scale"], line = _attitude(series, vehicle, mission, findings)
     changes: dict[str, Any] = {}
     if shift != 0.0:
@@ -282,7 +285,9 @@ def clock_offset(stretches: Sequence[Series], mission: Mission) -> tuple[Entry, 
     return entry, findings
 
 
-def _pressure_offset(records: pd.DataFrame, series: Series, findings: list[Finding]) -> tuple[Entry, float]:
+def _pressure_offset(
+    records: pd.DataFrame, series: Series, latitude: float, findings: list[Finding]
+) -> tuple[Entry, float]:
     """Return the report on what the pressure sensor reads too much, and the metres to take off the depth."""
     read = usable(records, "pressure")
     time, pressure = series.time[read], records["pressure"].to_numpy(dtype=np.float64)[read]
@@ -311,8 +316,7 @@ def _pressure_offset(records: pd.DataFrame, series: Series, findings: list[Findi
     entry |= {"applied": True, "reason": "taken off the depth"}
     found = f"{value:.2f} ± {std:.2f} dbar too much at {each.size} surfacings"
     findings.append(Finding("warning", "pressure record", "", found, "0 dbar at the surface", "taken off the depth"))
-    latitude = records["latitude"].dropna()
-    return entry, -float(gsw.z_from_p(value, float(latitude.iloc[0]) if len(latitude) else 45.0))
+    return entry, -float(gsw.z_from_p(value, latitude))
 
 
 def _attitude(

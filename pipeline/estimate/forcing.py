@@ -8,8 +8,9 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.ballast import Hull, latitude
+from pipeline.estimate.ballast import Hull
 from pipeline.estimate.series import changed_within, held, increasing, potential_density
+from pipeline.geodesy import typical_latitude
 from pipeline.mission import Mission
 from pipeline.model.exchange import carried, lagged
 from pipeline.model.forces import PASCAL_PER_DBAR, net_buoyancy
@@ -49,7 +50,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
     records
         Canonical records, m rows.
     vehicle, mission
-        Compressibility and thermal expansion; the latitude where the records carry none.
+        Compressibility and thermal expansion; the latitude.
     body
         Mass and volume.
     """
@@ -63,7 +64,7 @@ def forcing(records: pd.DataFrame, vehicle: Vehicle, mission: Mission, body: Hul
             return None, f"no {name}: no net buoyancy"
     if np.isnan(temperature).any():
         temperature = np.full(time.size, vehicle["reference_temperature"])
-    gravity = float(gsw.grav(latitude(records, mission), 0.0))
+    gravity = float(gsw.grav(typical_latitude(records["latitude"], mission.latitude), 0.0))
     squeeze, expand = (np.nan_to_num(vehicle[name]) for name in ("compressibility", "thermal_expansion"))
     force = net_buoyancy(
         mass=body.mass,

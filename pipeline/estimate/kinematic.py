@@ -29,7 +29,7 @@ from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.told import nothing, told
 from pipeline.estimate.trajectory import Flight, Solve, first_guess, flight, iterate
 from pipeline.mission import Mission
-from pipeline.vehicle import Polar, Vehicle
+from pipeline.vehicle import POSITIVE, Polar, Vehicle
 
 #: A measurement farther than this many standard deviations from the smoothed trajectory is left out.
 GATE = 6.0
@@ -164,10 +164,10 @@ def _ratios(polar: Polar) -> Polar:
 
 
 def _moved(vehicle: Vehicle, name: str) -> tuple[float, float]:
-    """Return a coefficient moved by its 1-sigma up and down; one that is not zero keeps its sign."""
+    """Return a coefficient moved by its 1-sigma up and down; one that is positive stays so."""
     value, std = vehicle[name], vehicle.std(name)
     down = value - std
-    return value + std, down if value == 0.0 else math.copysign(max(abs(value) - std, LEAST * abs(value)), value)
+    return value + std, max(down, LEAST * value) if name in POSITIVE else down
 
 
 def _outlying(series: Series, settings: Settings, solution: Solution) -> np.ndarray:

@@ -19,10 +19,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimate.account import account, nothing
-from pipeline.estimate.ballast import hull, latitude
+from pipeline.estimate.ballast import hull
 from pipeline.estimate.part import Part, solve
 from pipeline.estimate.preparation import METHODS, Prepared, prepare, windows
 from pipeline.findings import Finding, nearest
+from pipeline.geodesy import typical_latitude
 from pipeline.mission import Mission
 from pipeline.records import BLOCKS, ESTIMATES, Phase, conform, undoubted
 from pipeline.vehicle import Vehicle
@@ -158,8 +159,8 @@ def stream(
         return Summary(conform(pd.DataFrame(), BLOCKS), nothing(), [])
     bounds = cuts(source.read(columns=("phase", "block")))
     fixes = undoubted(source.read(columns=("latitude", "latitude_qc")))
-    settled = {"latitude": latitude(fixes, mission)}  # for parts without fixes
-    mission = mission.model_copy(update=settled)
+    latitude = typical_latitude(fixes["latitude"], mission.latitude)  # one for all parts
+    mission = mission.model_copy(update={"latitude": latitude})
     body = hull(mission, vehicle, constants, source.read(columns=("density", "absolute_salinity")))
     stretches = [undoubted(source.read(first, last)) for first, last in windows(source.rows)]
     prepared = prepare(stretches, vehicle, mission, body, engine=engine, methods=methods, threads=threads)

@@ -26,6 +26,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError, Severity
+from pipeline.geodesy import typical_latitude
 from pipeline.ingest import adcp, basestation, netcdf, seawater
 from pipeline.ingest.logs import Logs, UnreadableError, gather
 from pipeline.ingest.merge import covers
@@ -291,11 +292,7 @@ class _Dive:
             self.say("error", "neither pressure nor depth", "one of them on the clock 'time'", "the dive goes without")
             return None
         self.say("note", "no variable pressure", "", "depth is turned into pressure")
-        return seawater.pressure(depth, self._latitude())
-
-    def _latitude(self) -> float:
-        latitude = self.get("log_gps_lat")
-        return float(np.nanmedian(latitude)) if latitude is not None and np.isfinite(latitude).any() else 45.0
+        return seawater.pressure(depth, typical_latitude(self.get("log_gps_lat")))
 
     def _ctd(self, engineering: pd.DataFrame, own_pressure: bool) -> pd.DataFrame:
         time = self.get("ctd_time")

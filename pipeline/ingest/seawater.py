@@ -14,12 +14,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
+from pipeline.geodesy import typical_latitude
 from pipeline.mission import Mission
 from pipeline.records import Quality
 
 Array = npt.NDArray[np.float64]
 
-FALLBACK_LATITUDE = 45.0
+#: A latitude of mission.yaml farther than this from the fixes is told, degrees.
+_APART = 5.0
 #: Water at its freezing point may be measured this much too cold, K.
 _FREEZING_MARGIN = 0.1
 
@@ -44,32 +46,31 @@ class Position(NamedTuple):
 
 
 def position(mission: Mission, streams: list[pd.DataFrame]) -> tuple[Position, list[Finding]]:
-    """Return the position of a mission: as mission.yaml says, else the median fix, else 45° N with a finding."""
-    latitude, longitude = mission.latitude, mission.longitude
-    for frame in streams:
-        if not {"latitude", "longitude"} <= set(frame.columns):
-            continue
-        lat, lon = frame["latitude"].to_numpy(np.float64), frame["longitude"].to_numpy(np.float64)
-        fixes = (np.abs(lat) <= 90.0) & (np.abs(lon) <= 360.0) & ((lat != 0.0) | (lon != 0.0))
-        if fixes.any():
-            latitude = float(np.median(lat[fixes])) if latitude is None else latitude
-            longitude = float(np.median(lon[fixes])) if longitude is None else longitude
-            break
+    """Return the position of a mission: as mission.yaml says, else the median fix, else 45° N; and what is odd."""
+    fixes = next((found for found in map(_fixes, streams) if len(found)), np.empty((0, 2)))
+    latitude = typical_latitude(fixes[:, 0], mission.latitude)
+    longitude = mission.longitude
+    if longitude is None:
+        longitude = float(np.median(fixes[:, 1])) if len(fixes) else np.nan
     findings = []
-    if latitude is None:
-        findings.append(
-            Finding(
-                "warning",
-                "mission.yaml",
-                "latitude",
-                "no latitude and no GPS fix",
-                "one of them",
-                f"{FALLBACK_LATITUDE:g}° taken: depth is wrong by up to 0.3 %",
-            )
-        )
-    return Position(FALLBACK_LATITUDE if latitude is None else latitude, np.nan if longitude is None else longitude), (
-        findings
-    )
+    if mission.latitude is None and not len(fixes):
+        taken = f"{latitude:g}° taken: depth is wrong by up to 0.3 %"
+        told = ("no latitude and no GPS fix", "one of them", taken)
+        findings.append(Finding("warning", "mission.yaml", "latitude", *told))
+    elif len(fixes) and abs(typical_latitude(fixes[:, 0]) - latitude) > _APART:
+        found = f"{latitude:g}° N and fixes around {typical_latitude(fixes[:, 0]):.1f}° N"
+        told = (found, "the latitude of the fixes", "that of mission.yaml is used for gravity, depth and salinity")
+        findings.append(Finding("warning", "mission.yaml", "latitude", *told))
+    return Position(latitude, longitude), findings
+
+
+def _fixes(frame: pd.DataFrame) -> Array:
+    """Return latitude and longitude of the fixes of a stream, degrees, shape (n, 2); those at 0° N 0° E are none."""
+    if not {"latitude", "longitude"} <= set(frame.columns):
+        return np.empty((0, 2))
+    both: Array = frame[["latitude", "longitude"]].to_numpy(np.float64)
+    there: Array = both[(np.abs(both) <= (90.0, 360.0)).all(axis=1) & (both != 0.0).any(axis=1)]
+    return there
 
 
 def depth(pressure: Array, latitude: float, profile: tuple[Array, Array] | None = None) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
+from pipeline.geodesy import typical_latitude
 from pipeline.ingest import dinkum, seawater
 from pipeline.ingest.logs import Logs, UnreadableError, gather
 from pipeline.mission import Mission
@@ -271,9 +272,8 @@ def _pressure(flight: pd.DataFrame) -> tuple[pd.Series, str]:
         if sensor in flight and flight[sensor].notna().any():
             if sensor == "m_pressure":
                 return flight[sensor] * BAR, sensor
-            latitude = flight["m_gps_lat"].where(flight["m_gps_lat"].abs() <= 90.0) if "m_gps_lat" in flight else None
-            middle = 45.0 if latitude is None or latitude.isna().all() else float(latitude.median())
-            return pd.Series(seawater.pressure(flight[sensor].to_numpy(), middle), index=flight.index), sensor
+            latitude = typical_latitude(flight.get("m_gps_lat"))
+            return pd.Series(seawater.pressure(flight[sensor].to_numpy(), latitude), index=flight.index), sensor
     return pd.Series(dtype="float64"), ""
 
 

@@ -301,7 +301,7 @@ def convert(values: Array, name: str, unit: str, file: str, column: str) -> Arra
 def by_range(values: Array, name: str) -> str:
     """Return the unit that the range of `values`, shape (n,), suggests for quantity `name`.
 
-    The rules: angles beyond ±1.6 (heading beyond 6.3) are degrees, rates of pitch beyond 0.35 degrees per second;
+    The rules: angles beyond ±1.6 (heading beyond 6.4) are degrees, rates of pitch beyond 0.35 degrees per second;
     variation of the compass is in degrees; temperatures around 300 are kelvin and beyond 45 degrees Fahrenheit;
     conductivity above 8 is mS/cm and above 200 µS/cm (sea water has 2 to 7 S/m); engine volumes beyond 5 are cm³ and
     beyond 0.05 litres; battery positions beyond 2 are mm; propeller speeds beyond 60 are rpm; battery voltages beyond

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from truth import Trial
 
-from pipeline.estimate.ballast import ASSUMED_STD, LATITUDE, hull, latitude
+from pipeline.estimate.ballast import ASSUMED_STD, hull
 from pipeline.estimate.blocks import means
 from pipeline.estimate.stage import estimate
 from pipeline.mission import Ballast, Mission
@@ -130,12 +130,14 @@ def test_without_engine_volume_there_is_no_net_buoyancy_and_it_is_said() -> None
     ]
 
 
-def test_gravity_is_taken_where_the_fixes_are_else_where_the_mission_says_the_equator_too() -> None:
-    nowhere = pd.DataFrame({"latitude": [np.nan, np.nan]})
-    fixes = pd.DataFrame({"latitude": [np.nan, 10.0, 12.0, 40.0]})
-    assert latitude(fixes, Mission(vehicle="x", latitude=60.0)) == 12.0
-    assert latitude(nowhere, Mission(vehicle="x", latitude=0.0)) == 0.0
-    assert latitude(nowhere, Mission(vehicle="x")) == LATITUDE
+def test_without_temperature_the_hull_is_as_warm_as_its_reference() -> None:
+    records, estimates = line()
+    mission = Mission(vehicle="petrel-ii", ballast=Ballast(neutral_density=1025.0))
+    block = averaged(records.assign(temperature=np.nan), estimates, VEHICLE, mission).iloc[0]
+    as_reference = records.assign(temperature=VEHICLE["reference_temperature"])
+    same = averaged(as_reference, estimates, VEHICLE, mission).iloc[0]
+    assert np.isfinite(block["net_buoyancy"])
+    assert block["net_buoyancy"] == same["net_buoyancy"]
 
 
 def test_ballast_is_taken_from_mission_then_logs_then_assumed() -> None:

@@ -11,14 +11,14 @@ from dives import fly
 from truth import Trial
 
 from benchmarks import fleet
-from pipeline.estimate import smoother, stage
+from pipeline.estimate import kinematic, smoother, stage
 from pipeline.estimate.linearise import CRUISE, FOLLOWED, SPEED, Considered, Sources, Trajectory, follow, linearise
 from pipeline.estimate.settings import Settings
 from pipeline.estimate.trajectory import first_guess, iterate
 from pipeline.mission import Mission
 from pipeline.model.steady import trim_at_pitch
 from pipeline.records import ESTIMATES, Phase, conform, of_method, seconds
-from pipeline.vehicle import Vehicle, load
+from pipeline.vehicle import Coefficient, Vehicle, load
 
 GLIDING, LEVEL, CLIMBING = "petrel2-scs-2014", "petrel2-danjiangkou-2014", "petrel2-scs-2015"
 TRUE_NAMES = ("speed", "angle_of_attack", "path_angle", "vertical_water_velocity")
@@ -368,3 +368,15 @@ def test_slow_changes_of_the_depth_rate_under_power_do_not_draw_the_speed_up() -
         at = iterate(flown, polar, settings, first_guess(flown, polar), Sources(False, False), smoother.solve, 12)
         found.append(at.speed[time.size // 2])
     assert np.mean(found) == pytest.approx(speed, abs=0.03)
+
+
+@pytest.mark.parametrize(("value", "std"), [(-2.0, 1.0), (0.01, 5.0), (-0.5, 5.0), (0.0, 1.0)])
+def test_lift_at_zero_is_moved_by_its_whole_1_sigma_whatever_its_sign(value: float, std: float) -> None:
+    borrowed = load("petrel-ii")
+    lift = Coefficient(value, std, "kg/m", "made up")
+    moved = replace(borrowed, coefficients={**borrowed.coefficients, "lift_at_zero": lift})
+    assert kinematic._moved(moved, "lift_at_zero") == (value + std, value - std)
+    sure = replace(borrowed.coefficients["parasite_drag"], value=1.0, std=5.0)
+    up, down = kinematic._moved(replace(borrowed, coefficients={"parasite_drag": sure}), "parasite_drag")
+    assert up == 6.0
+    assert 0.0 < down < 1.0

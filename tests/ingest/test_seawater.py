@@ -174,6 +174,19 @@ def test_position_is_the_median_fix_where_mission_yaml_has_none() -> None:
     assert findings == []
 
 
+def test_position_is_as_mission_yaml_says_and_far_from_the_fixes_it_is_told() -> None:
+    fixes = pd.DataFrame({"time": [0.0, 1.0], "latitude": [10.0, 12.0], "longitude": [5.0, 7.0]})
+    near, nothing = seawater.position(Mission(vehicle="petrel-ii", latitude=12.0, longitude=7.0), [fixes])
+    assert near == seawater.Position(12.0, 7.0)
+    assert nothing == []
+    far, findings = seawater.position(Mission(vehicle="petrel-ii", latitude=-11.0), [fixes])
+    assert far == seawater.Position(-11.0, 6.0)
+    assert [str(finding) for finding in findings] == [
+        "mission.yaml: latitude: found -11° N and fixes around 11.0° N; expected the latitude of the fixes; "
+        "that of mission.yaml is used for gravity, depth and salinity"
+    ]
+
+
 def test_without_any_position_forty_five_degrees_are_taken_and_said() -> None:
     place, findings = seawater.position(Mission(vehicle="petrel-ii"), [])
     assert place.latitude == 45.0
