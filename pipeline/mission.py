@@ -10,6 +10,7 @@ from typing import Any, Literal, Union
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from pipeline import yamlfile
 from pipeline.findings import InputError, nearest
 
 FILE = "mission.yaml"
@@ -207,8 +208,6 @@ def load(folder: Path) -> Mission:
     InputError
         If mission.yaml is missing, is not YAML, has an unknown key (the nearest is named) or a value out of range.
     """
-    import yaml
-
     path = folder / FILE
     where = f"{folder.name}/{FILE}"
     if not path.is_file():
@@ -218,48 +217,15 @@ def load(folder: Path) -> Mission:
             expected="one",
             remedy="the smallest useful one is 'vehicle: slocum-g2'",
         )
-    try:
-        text = path.read_text(encoding="utf-8")
-        content = yaml.safe_load(text)
-        twice = _repeated(yaml.compose(text, Loader=yaml.SafeLoader))
-    except UnicodeDecodeError as error:
-        remedy = "save it as UTF-8, or write it without accents"
-        raise InputError(where, found="text that is not UTF-8", expected="key: value", remedy=remedy) from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}" if mark else ""
-        raise InputError(where, line, found="text that is not YAML", expected="key: value") from error
+    content = yamlfile.content(path, where, "key: value")
     if not isinstance(content, dict):
         raise InputError(where, found="no keys", expected="at least 'vehicle: NAME'")
-    if twice is not None:
-        key, number = twice
-        raise InputError(where, f"line {number}", found=f"'{key}' a second time", expected="each key once")
     if "folder" in content:
         raise InputError(where, "folder", found="an unknown key", remedy=nearest("folder", _keys(Mission)))
     try:
         return Mission(**{str(key): value for key, value in content.items()}, folder=folder)
     except ValidationError as error:
         raise _readable(error, where) from error
-
-
-def _repeated(root: Any) -> tuple[str, int] | None:
-    """Return the first key that a mapping anywhere below the YAML node `root` has twice, and its line."""
-    nodes, met = [root], set()
-    while nodes:
-        node = nodes.pop()
-        if id(node) in met or not isinstance(getattr(node, "value", None), list):
-            continue
-        met.add(id(node))
-        if node.id == "sequence":
-            nodes += node.value
-            continue
-        keys = set()
-        for key, value in node.value:
-            if key.id == "scalar" and key.value in keys:
-                return str(key.value), key.start_mark.line + 1
-            keys.add(key.value if key.id == "scalar" else id(key))
-            nodes.append(value)
-    return None
 
 
 def _keys(model: type[BaseModel]) -> list[str]:

@@ -161,6 +161,9 @@ STORED = (
     Column("vertical_speed", "m/s", "vertical speed through water of the stored flight model, up positive"),
 )
 
+#: Speed [rev/s] or power [W] above which a propeller turns.
+TURNING = {"propeller_speed": 0.5, "propeller_power": 1.0}
+
 #: How a trim fixes the vehicle's attitude in the theory.
 TRIMS = ("pitch", "battery", "fixed_alpha")
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pipeline import yamlfile
 from pipeline.findings import InputError, nearest
 
 if TYPE_CHECKING:
@@ -231,13 +232,7 @@ def load(name: str, folder: Path | None = None) -> Vehicle:
                 expected="a known vehicle",
                 remedy=nearest(name, names()),
             )
-    import yaml
-
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path.name, found="text that is not YAML", expected="a vehicle file") from error
-    return parse(content, path.name)
+    return parse(yamlfile.content(path, path.name, "a vehicle file"), path.name)
 
 
 def parse(content: Any, file: str) -> Vehicle:

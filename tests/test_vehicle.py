@@ -84,7 +84,21 @@ def test_text_that_is_not_yaml_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("a: [1")
     with pytest.raises(InputError) as caught:
         vehicle.load("mine.yaml", tmp_path)
-    assert str(caught.value) == "mine.yaml: found text that is not YAML; expected a vehicle file"
+    assert str(caught.value) == "mine.yaml: line 1: found text that is not YAML; expected a vehicle file"
+
+
+def test_a_coefficient_given_twice_is_refused(tmp_path: Path) -> None:
+    entry = "{value: 70.0, std: 1.0, unit: kg, source: weighed}"
+    (tmp_path / "mine.yaml").write_text(f"coefficients:\n  mass: {entry}\n  mass: {entry}\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        vehicle.load("mine.yaml", tmp_path)
+    assert str(caught.value) == "mine.yaml: line 3: found 'mass' a second time; expected each key once"
+
+
+def test_endless_brackets_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("a: " + 5000 * "[", encoding="utf-8")
+    with pytest.raises(InputError, match=r"mine\.yaml: .*found text that is not YAML"):
+        vehicle.load("mine.yaml", tmp_path)
 
 
 @pytest.mark.parametrize("missing", ["std", "unit", "source"])

@@ -14,10 +14,8 @@ from scipy.ndimage import uniform_filter1d
 from pipeline.estimate.gyro import turns
 from pipeline.estimate.spikes import leaps, noise
 from pipeline.geodesy import apart
-from pipeline.records import Phase, seconds, usable
+from pipeline.records import TURNING, Phase, seconds, usable
 
-#: Propeller faster than this (rev/s) or drawing more than this (W) drives the vehicle.
-TURNING, DRIVING = 0.5, 1.0
 #: A pause in the records longer than this (s) may hide a manoeuvre.
 PAUSE = 120.0
 #: Powered flight with less pitch than this (rad) is level flight.
@@ -138,9 +136,10 @@ def _reports(time: np.ndarray, reported: np.ndarray) -> tuple[np.ndarray, np.nda
 def powered(records: pd.DataFrame) -> np.ndarray:
     """Return where the propeller drives the vehicle, boolean of shape (m,), by its setting as `held`."""
     time = increasing(seconds(records["time"]))
-    speed, power = (held(time, records[name].to_numpy()) for name in ("propeller_speed", "propeller_power"))
+    speed, power = (held(time, records[name].to_numpy()) for name in TURNING)
     with np.errstate(invalid="ignore"):
-        return np.asarray((speed > TURNING) | (~np.isfinite(speed) & (power > DRIVING)))
+        turning, drawing = speed > TURNING["propeller_speed"], power > TURNING["propeller_power"]
+    return np.asarray(turning | (~np.isfinite(speed) & drawing))
 
 
 def from_records(records: pd.DataFrame) -> Series:

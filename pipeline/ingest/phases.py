@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.ingest.seawater import good
-from pipeline.records import Phase
+from pipeline.records import TURNING, Phase
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -31,8 +31,6 @@ _LEVEL_WINDOW, _LEVEL_RANGE, _LEVEL_RATE = 120.0, 3.0, 0.05  # s, m, m/s: level 
 _SURFACE = 2.5  # m
 _NEAR_TURN = 90.0  # s
 _SETTLING, _AHEAD = 15.0, 5.0  # s after a change until flight is steady again, and before it
-#: Speed [rev/s] or power [W] above which a propeller is turning.
-TURNING = {"propeller_speed": 0.5, "propeller_power": 2.0}
 _LEAST_SAMPLES = 4  # of pressure and of pitch in a block
 
 

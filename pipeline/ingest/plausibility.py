@@ -13,9 +13,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
-from pipeline.ingest.phases import TURNING
 from pipeline.ingest.seawater import good
-from pipeline.records import Quality
+from pipeline.records import TURNING, Quality
 
 Array = npt.NDArray[np.float64]
 
