@@ -15,6 +15,9 @@ __all__ = ["Trial", "__version__", "analyse"]
 
 __version__ = "0.1.0"
 
+#: Days after which compiled kernels that nobody has used are removed, once others are made beside them.
+_KEPT = 7.0
+
 
 def __getattr__(name: str) -> Any:
     """Return `analyse` or `Trial`, which import all stages, when they are first asked for (PEP 562)."""
@@ -30,7 +33,8 @@ def _kernel_folder() -> Path:
 
     numba keeps a compiled kernel until its own file changes, even if a kernel that it calls, in another file, has
     changed: results would be those of code that is no more. So the folder is named after all sources with kernels.
-    It lies beside them, in the user's cache where that cannot be written, or else is temporary.
+    It lies beside them, in the user's cache where that cannot be written, or else is temporary. Those of other sources
+    go a week after they were last used.
     """
     here = Path(__file__).parent
     sources = (path.read_bytes() for path in sorted(here.rglob("*.py")))
@@ -39,12 +43,26 @@ def _kernel_folder() -> Path:
     for place in (here / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "seatrial")):
         try:
             folder = place.expanduser() / name
+            new = not folder.is_dir()
             folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)
+            if new:
+                _sweep(folder.parent)
         except (OSError, RuntimeError):  # RuntimeError: a user without a home
             continue
         if os.access(folder, os.W_OK):
             return folder
     return _temporary()
+
+
+def _sweep(place: Path) -> None:
+    """Remove folders of compiled kernels that were not used for `_KEPT` days."""
+    import shutil
+    import time
+
+    for folder in place.glob("kernels-*"):
+        if folder.stat().st_mtime < time.time() - 86400.0 * _KEPT:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _temporary() -> Path:

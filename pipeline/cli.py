@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 DONE, SOME_FAILED, WRONG = 0, 1, 2
 INTERRUPTED = 130
+#: Who asks for the vehicle of the commands on theory.
+OPTION = ("--vehicle", "")
 
 app = typer.Typer(
     name="seatrial",
@@ -182,7 +184,7 @@ def steady(
 
     with _usage():
         rows = theory.steady_rows(
-            load(vehicle), net_buoyancy, alpha or [], rpm=rpm, thrust=thrust, density=density, signs=signs
+            load(vehicle, asked=OPTION), net_buoyancy, alpha or [], rpm=rpm, thrust=thrust, density=density, signs=signs
         )
     _print_json(rows) if json else _print_table(rows)
 
@@ -206,7 +208,7 @@ def trim(
 
     with _usage():
         rows = theory.trim_rows(
-            load(vehicle),
+            load(vehicle, asked=OPTION),
             net_buoyancy,
             pitch_deg=pitch or [],
             battery=battery or [],
@@ -294,7 +296,7 @@ def vehicles(
     """Print the coefficient sets, with source and uncertainty."""
     from pipeline.vehicle import KNOWN, load, names
 
-    found = [load(item) for item in ([name] if name else names())]
+    found = [load(item, asked=("seatrial vehicles", "")) for item in ([name] if name else names())]
     if json:
         _print_json(
             [

@@ -46,7 +46,10 @@ class Ballast(_Strict):
         None, gt=900, lt=1100, description="kg/m3, density in which the vehicle hangs with the engine at zero"
     )
     std: float = Field(
-        1.0, ge=0, description="N, 1-sigma of the constant part of net buoyancy; 100 g of ballast unless known better"
+        1.0,
+        ge=0,
+        description="N, 1-sigma of the constant part of net buoyancy; left out, 0.5 where the logs carry the hull's "
+        "volume; never below 2 where nothing tells the volume",
     )
 
     @model_validator(mode="after")

@@ -47,9 +47,11 @@ def steady_rows(
     Raises
     ------
     ValueError
-        As for `steady_state`.
+        As for `steady_state`; if there is neither an angle of attack nor the moments that give the paper's own.
     """
     held = np.deg2rad(alpha_deg) if alpha_deg else np.array([-vehicle["moment_at_zero"] / vehicle["moment_slope"]])
+    if np.isnan(held).any():
+        raise ValueError(f"'{vehicle.name}' has no pitching moments, so no α_e = -K_M0/K_M; give --alpha")
     force, alpha = _pairs(net_buoyancy, held)
     flight = steady_state(
         vehicle, force, alpha, thrust=thrust, propeller_speed=_per_second(rpm), density=density, signs=signs

@@ -210,8 +210,10 @@ def names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 
-def load(name: str, folder: Path | None = None) -> Vehicle:
+def load(name: str, folder: Path | None = None, *, asked: tuple[str, str] = ("mission.yaml", "vehicle")) -> Vehicle:
     """Return the vehicle `name`: one of the package, or a YAML file (``*.yaml``) relative to `folder`.
+
+    `asked` is the file and the place in it, or the option, that gave the name, for messages.
 
     Raises
     ------
@@ -226,8 +228,7 @@ def load(name: str, folder: Path | None = None) -> Vehicle:
         path = FOLDER / f"{name}.yaml"
         if name not in names():
             raise InputError(
-                "mission.yaml",
-                "vehicle",
+                *asked,
                 found=f"'{name}'",
                 expected="a known vehicle",
                 remedy=nearest(name, names()),

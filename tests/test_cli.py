@@ -148,8 +148,14 @@ class TestWrongUsageIsTwo:
         )
 
     def test_an_unknown_vehicle_names_the_nearest(self) -> None:
-        line = "mission.yaml: vehicle: found 'petrel-i'; expected a known vehicle; did you mean 'petrel-ii'?\n"
+        line = "--vehicle: found 'petrel-i'; expected a known vehicle; did you mean 'petrel-ii'?\n"
         assert seatrial("steady", "--net-buoyancy", "7", "--vehicle", "petrel-i") == (2, "", line)
+        assert seatrial("vehicles", "petrel-i") == (2, "", line.replace("--vehicle", "seatrial vehicles"))
+
+    def test_without_moments_steady_asks_for_an_angle_of_attack(self) -> None:
+        code, out, err = seatrial("steady", "--net-buoyancy", "-2", "--vehicle", "slocum-g2")
+        assert (code, out) == (2, "")
+        assert "'slocum-g2' has no pitching moments, so no α_e = -K_M0/K_M; give --alpha" in " ".join(err.split())
 
     def test_an_unknown_trial_names_the_nearest(self, tmp_path: Path) -> None:
         code, _, error = seatrial("simulate", "petrel2-scs-2016", str(tmp_path / "out"))

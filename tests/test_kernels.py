@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,19 @@ def test_kernels_are_kept_elsewhere_where_the_package_cannot_be_written(tmp_path
     assert kept == "True"
     assert Path(folder).is_relative_to(cache / "seatrial" if home else scratch)
     assert Path(folder).exists() is home
+
+
+def test_kernels_of_sources_that_are_no_more_go_after_a_week(tmp_path: Path) -> None:
+    package = tmp_path / "pipeline"
+    shutil.copytree(Path(pipeline.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    kept = package / "__pycache__"
+    for days, name in ((8.0, "kernels-old"), (6.0, "kernels-recent")):
+        (kept / name / "model").mkdir(parents=True)
+        then = time.time() - 86400.0 * days
+        os.utime(kept / name, (then, then))
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    subprocess.run([sys.executable, "-c", "import pipeline"], cwd=tmp_path, env=environment, check=True)
+    names = sorted(path.name for path in kept.glob("kernels-*"))
+    assert len(names) == 2
+    assert "kernels-recent" in names
+    assert "kernels-old" not in names

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import reduce
 from typing import Any
 
@@ -61,8 +62,7 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
         for name in ("kinematic", "force")
         if any(name in part.scales for part in parts)
     }
-    body = prepared.body
-    report["ballast"] = None if body is None else {"mass": body.mass, "volume": body.volume, "std": body.std}
+    report["ballast"] = None if prepared.body is None else asdict(prepared.body)
     report["force"] = {"reason": prepared.reason}
     if adjusted is not None:
         seen, size = _sum(parts, "force")

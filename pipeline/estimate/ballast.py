@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -22,11 +23,12 @@ LOGGED_STD = 0.5
 
 @dataclass(frozen=True)
 class Hull:
-    """Mass [kg], volume at the surface with the engine at zero [m3], and the 1-sigma of net buoyancy [N]."""
+    """Mass [kg], volume at the surface with the engine at zero [m3], the 1-sigma of net buoyancy [N]; who says so."""
 
     mass: float
     volume: float
     std: float
+    source: Literal["mission.yaml", "logs", "assumed"] = "assumed"
 
 
 def borrowed_std(mission: Mission, records: pd.DataFrame) -> float:
@@ -67,28 +69,28 @@ def hull(
         ]
     lent = borrowed_std(mission, records)
 
-    def known(volume: float, std: float) -> tuple[Hull, list[Finding]]:
-        return Hull(mass, volume, math.hypot(std, GRAVITY * volume * lent)), []
+    def known(volume: float, std: float, source: Literal["mission.yaml", "logs"]) -> tuple[Hull, list[Finding]]:
+        return Hull(mass, volume, math.hypot(std, GRAVITY * volume * lent), source), []
 
     if mission.ballast.volume is not None:
-        return known(mission.ballast.volume, mission.ballast.std)
+        return known(mission.ballast.volume, mission.ballast.std, "mission.yaml")
     if mission.ballast.neutral_density is not None:
-        return known(mass / mission.ballast.neutral_density, mission.ballast.std)
+        return known(mass / mission.ballast.neutral_density, mission.ballast.std, "mission.yaml")
     if "hull_volume" in constants:
         stated = "std" in mission.ballast.model_fields_set
-        return known(constants["hull_volume"], mission.ballast.std if stated else LOGGED_STD)
+        return known(constants["hull_volume"], mission.ballast.std if stated else LOGGED_STD, "logs")
     density = records["density"].to_numpy()
     if not np.isfinite(density).any():
         return None, [
             Finding("warning", "records", "density", "no density", "temperature and conductivity", "no net buoyancy")
         ]
-    neutral = float(np.nanmean(density))
+    neutral, std = float(np.nanmean(density)), max(mission.ballast.std, ASSUMED_STD)
     note = Finding(
         "warning",
         "mission.yaml",
         "ballast",
         "neither volume nor neutral_density",
         "one of them",
-        f"taken as neutral in {neutral:.2f} kg/m3, the mean density met, with a 1-sigma of {ASSUMED_STD:g} N",
+        f"taken as neutral in {neutral:.2f} kg/m3, the mean density met, with a 1-sigma of {std:g} N",
     )
-    return Hull(mass, mass / neutral, max(mission.ballast.std, ASSUMED_STD)), [note]
+    return Hull(mass, mass / neutral, std), [note]

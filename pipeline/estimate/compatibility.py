@@ -65,8 +65,9 @@ class Compatibility:
         was applied.
     report
         ``pitch_bias``, ``pitch_scale``, ``pressure_offset``, ``pressure_lag``, ``outliers``, each with ``value``,
-        ``std``, ``unit``, ``significant``, ``applied``, ``reason``; ``value`` is None where the data do not determine
-        it. ``outliers`` has also ``instruments``: count and first values of each.
+        ``std``, ``unit``, ``nominal`` (its value when nothing is wrong), ``significant``, ``applied``, ``reason``;
+        ``value`` is None where the data do not determine it. ``outliers`` has also ``instruments``: count and first
+        values of each.
     findings
         What a person should know, or do.
     """

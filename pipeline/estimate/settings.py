@@ -7,7 +7,11 @@ from typing import NamedTuple
 
 
 class Settings(NamedTuple):
-    """Noise levels; the first group is found in the mission, the second is general."""
+    """Noise levels: those found in each mission, by `noise`, `gyro` or mission.yaml, and those that hold for all.
+
+    The first group, to `turn_drift_manoeuvre`, and `unsteadiness` are found in the mission; what is written here is
+    what they are where nothing tells. `speed_scale` is as mission.yaml says.
+    """
 
     sigma_w: float = 0.01  # m/s, vertical water velocity
     tau_w: float = 300.0  # s, its correlation time

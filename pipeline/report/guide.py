@@ -1,6 +1,7 @@
 """How to read the page: for each section and figure what it shows, what a good and a bad one look like, what to do.
 
-The words are in guide.yaml, one entry a section (`sections`) and a figure (`figures`).
+The words are in guide.yaml, one entry a section (`sections`) and a figure (`figures`) of a mission's page, and of
+the page of a campaign (`campaign_sections`, `campaign_figures`).
 """
 
 from __future__ import annotations
@@ -36,6 +37,6 @@ class Help:
 
 @functools.cache
 def guide() -> dict[str, dict[str, Help]]:
-    """Return the help of every section and figure of the page: ``sections`` and ``figures``, each by name."""
+    """Return the help of every section and figure of both pages: each kind, as in guide.yaml, by name."""
     written = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     return {kind: {name: Help(**words) for name, words in entries.items()} for kind, entries in written.items()}

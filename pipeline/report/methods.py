@@ -6,29 +6,57 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from pipeline.report.compare import floats
 from pipeline.report.nominal import ballast_std
 from pipeline.report.rounding import signed, uncertainty
 
 if TYPE_CHECKING:
     from pipeline.report import Inputs
+    from pipeline.vehicle import Vehicle
 
-CITATIONS = [
-    "ASME V&V 20-2009. Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer.",
-    "Belsley, D. A., Kuh, E., Welsch, R. E. (1980). Regression Diagnostics. doi:10.1002/0471725153",
-    "Eriksen, C. C. et al. (2001). Seaglider: a long-range autonomous underwater vehicle for oceanographic research. "
-    "IEEE J. Ocean. Eng. 26(4), 424–436. doi:10.1109/48.972073",
-    "Maine, R. E., Iliff, K. W. (1985). Identification of Dynamic Systems: Theory and Formulation. NASA RP-1138.",
-    "McDougall, T. J., Barker, P. M. (2011). Getting started with TEOS-10 and the Gibbs Seawater (GSW) Oceanographic "
-    "Toolbox. SCOR/IAPSO WG127.",
-    "Merckelbach, L., Smeed, D., Griffiths, G. (2010). Vertical water velocities from underwater gliders. J. Atmos. "
-    "Oceanic Technol. 27, 547–563. doi:10.1175/2009JTECHO710.1",
-    "Niu, W.-D., Wang, S.-X., Wang, Y.-H., Song, Y., Zhu, Y.-Q. (2017). Stability analysis of hybrid-driven underwater "
-    "glider. China Ocean Eng. 31(5), 528–538. doi:10.1007/s13344-017-0061-y",
-    "Rauch, H. E., Tung, F., Striebel, C. T. (1965). Maximum likelihood estimates of linear dynamic systems. AIAA J. "
-    "3(8), 1445–1450. doi:10.2514/3.3166",
-    "Schmidt, S. F. (1966). Application of state-space methods to navigation problems. Advances in Control Systems 3, "
-    "293–340. doi:10.1016/B978-1-4831-6716-9.50011-4",
-]
+#: Works by what names them in the paragraph, or in the sources of a vehicle's coefficients.
+WORKS = {
+    "ASME V&V 20-2009": (
+        "ASME V&V 20-2009. Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer."
+    ),
+    "Belsley et al.": ("Belsley, D. A., Kuh, E., Welsch, R. E. (1980). Regression Diagnostics. doi:10.1002/0471725153"),
+    "Eriksen et al.": (
+        "Eriksen, C. C. et al. (2001). Seaglider: a long-range autonomous underwater vehicle for oceanographic "
+        "research. IEEE J. Ocean. Eng. 26(4), 424–436. doi:10.1109/48.972073"
+    ),
+    "Maine and Iliff": (
+        "Maine, R. E., Iliff, K. W. (1985). Identification of Dynamic Systems: Theory and Formulation. NASA RP-1138."
+    ),
+    "McDougall and Barker": (
+        "McDougall, T. J., Barker, P. M. (2011). Getting started with TEOS-10 and the Gibbs Seawater (GSW) "
+        "Oceanographic Toolbox. SCOR/IAPSO WG127."
+    ),
+    "Merckelbach et al.": (
+        "Merckelbach, L., Smeed, D., Griffiths, G. (2010). Vertical water velocities from underwater gliders. J. "
+        "Atmos. Oceanic Technol. 27, 547–563. doi:10.1175/2009JTECHO710.1"
+    ),
+    "Niu et al.": (
+        "Niu, W.-D., Wang, S.-X., Wang, Y.-H., Song, Y., Zhu, Y.-Q. (2017). Stability analysis of hybrid-driven "
+        "underwater glider. China Ocean Eng. 31(5), 528–538. doi:10.1007/s13344-017-0061-y"
+    ),
+    "Rauch et al.": (
+        "Rauch, H. E., Tung, F., Striebel, C. T. (1965). Maximum likelihood estimates of linear dynamic systems. AIAA "
+        "J. 3(8), 1445–1450. doi:10.2514/3.3166"
+    ),
+    "Schmidt": (
+        "Schmidt, S. F. (1966). Application of state-space methods to navigation problems. Advances in Control "
+        "Systems 3, 293–340. doi:10.1016/B978-1-4831-6716-9.50011-4"
+    ),
+}
+
+#: How the ballast is known, by its source.
+_BALLAST = {
+    "mission.yaml": "Ballast is taken from mission.yaml",
+    "logs": "Mass and volume of the hull are taken from the logs' constants",
+    "assumed": "Nothing tells the volume of the hull: it is taken as neutral, engine at zero, in the mean density met",
+}
 
 
 def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
@@ -37,8 +65,8 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
     out = [
         f"The measured speed and angle of attack of unpowered flight borrow the ratio of lift to drag of "
         f"'{vehicle.name}' – no scale of the coefficients, no buoyancy and no thrust.",
-        "Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
-        "volume, engine volume and the measured density.",
+        f"Theory takes all coefficients of the vehicle file, the measured pitch, and the net buoyancy from mass, hull "
+        f"volume, engine volume and {'a density that mission.yaml lends' if lent(inputs) else 'the measured density'}.",
     ]
     if vehicle.assumed(vehicle.polar._fields):
         out.append(
@@ -62,9 +90,9 @@ def borrowed(inputs: Inputs, *, gps: bool, sensor_used: bool) -> list[str]:
             f"{signed(math.degrees(correction.offset_rad), 2)}°."
         )
     out.append(f"The pitch bias that remains is taken as 0 ± {correction.std_deg:g}°.")
-    stated = mission.ballast.mass or mission.ballast.volume or mission.ballast.neutral_density
-    source = "is taken from mission.yaml" if stated else "is not in mission.yaml, and is taken as known"
-    out.append(f"Ballast {source}, ± {uncertainty(ballast_std(mission, inputs.estimate))} N.")
+    ballast = inputs.estimate.get("ballast") or {}
+    if ballast:
+        out.append(f"{_BALLAST[ballast['source']]}, ± {uncertainty(ballast_std(mission, inputs.estimate))} N.")
     if mission.coefficients:
         changed = ", ".join(f"{name} = {value:g}" for name, value in sorted(mission.coefficients.items()))
         out.append(f"mission.yaml overrides coefficients of the vehicle file: {changed}.")
@@ -86,10 +114,10 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
         )
     text = (
         f"Logs of mission {mission.slug} ({inputs.ingest.get('format', 'plain')} format) were analysed with seatrial"
-        f"{_version(inputs)}. In-situ density follows from TEOS-10 (McDougall and Barker, 2011) at the measured "
-        f"pressure; no measurement was interpolated. Speed through water and angle of attack were estimated by a "
-        f"Kalman filter and smoother (Rauch et al., 1965) on each instrument's own clock from depth and pitch, closed "
-        f"by the lift/drag ratio of the vehicle in unpowered steady flight (Merckelbach et al., 2010).{water}"
+        f"{_version(inputs)}. {_density(inputs)}; depth and pitch were not interpolated. Speed through water and angle "
+        f"of attack were estimated by a Kalman filter and smoother (Rauch et al., 1965) on each instrument's own clock "
+        f"from depth and pitch, closed by the lift/drag ratio of the vehicle in unpowered steady flight (Merckelbach "
+        f"et al., 2010); the errors of that ratio and of pitch were considered (Schmidt, 1966).{water}"
     )
     if gps:
         text += " In level flight under propeller the speed came from GPS fixes at the ends of submerged legs."
@@ -97,7 +125,7 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
         told = "the depth rate and the speed sensor" if sensor_used else "the depth rate"
         driven = "thrust" in (inputs.estimate.get("force") or {}).get("parameters", ())
         thrust = "thrust, " if driven else ""
-        rest = "adjusted, too" if sensor_used else "considered (Schmidt, 1966)"
+        rest = "adjusted, too" if sensor_used else "considered, as above"
         text += (
             f" A second estimate takes the dynamics of the theory, V̇ along the path and the lift balance across it, "
             f"its drag, net buoyancy, {thrust}compressibility, thermal expansion and water carried in the fairing "
@@ -137,6 +165,28 @@ def paragraph(inputs: Inputs, fitted: Mapping[str, Any], *, gps: bool, sensor_us
                 "constant and a Gauss–Markov process."
             )
     return text
+
+
+def lent(inputs: Inputs) -> bool:
+    """Return whether the water is that of mission.yaml, no salinity having been measured."""
+    return inputs.mission.water is not None and not bool(np.isfinite(floats(inputs.records, "absolute_salinity")).any())
+
+
+def citations(text: str, vehicle: Vehicle) -> list[str]:
+    """Return the works that the paragraph `text` and the sources of the vehicle's coefficients name."""
+    named = " ".join((text, vehicle.description, *(item.source for item in vehicle.coefficients.values())))
+    return [work for name, work in WORKS.items() if name in named]
+
+
+def _density(inputs: Inputs) -> str:
+    """Return where the density is from, a sentence without its end."""
+    water = inputs.mission.water
+    if water is None or not lent(inputs):
+        return "In-situ density follows from TEOS-10 (McDougall and Barker, 2011) at the measured pressure"
+    return (
+        f"No conductivity was measured; in-situ density was taken as {water.density:g} kg/m³ at the surface and "
+        f"{water.density_per_dbar:g} kg/m³ more per dbar, ± {water.std:g} kg/m³"
+    ) + (f" ({water.source})" if water.source else "")
 
 
 def _version(inputs: Inputs) -> str:

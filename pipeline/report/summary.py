@@ -63,6 +63,7 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         sensor="speed sensor (ADCP)" if inputs.ingest.get("format") == "seaglider" else "speed sensor",
     )
     data = inventory.data(inputs.records)
+    told = methods.paragraph(inputs, fitted, gps=gps is not None, sensor_used=sensor_used)
     summary: dict[str, Any] = {
         "mission": mission.slug,
         "description": mission.description,
@@ -91,8 +92,8 @@ def summarise(inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
         },
         "findings": inventory.findings(inputs),
         "borrowed": methods.borrowed(inputs, gps=gps is not None, sensor_used=sensor_used),
-        "methods": methods.paragraph(inputs, fitted, gps=gps is not None, sensor_used=sensor_used),
-        "citations": methods.CITATIONS,
+        "methods": told,
+        "citations": methods.citations(told, inputs.vehicle),
         "provenance": inventory.provenance(inputs.provenance),
     }
     summary["answer"] = answer(summary)

@@ -108,11 +108,11 @@ def test_fit_theory_and_words_take_ballast_as_uncertain_as_the_estimate_did(petr
     asked = Mission(vehicle="petrel-ii", name="x", nominal=[Nominal(name="dive", net_buoyancy=-5.0, pitch_deg=-30.0)])
     held = []
     for std in (0.1, 2.0):
-        estimate = {"ballast": {"mass": 70.0, "volume": 0.068, "std": std}}
+        estimate = {"ballast": {"mass": 70.0, "volume": 0.068, "std": std, "source": "logs"}}
         found = build(inputs(asked, petrel, blocks(dives=2), estimate=estimate))[0]
         priors = {item["name"]: item["prior_std"] for item in found["fit"]["parameters"]}
         assert priors["net_buoyancy"] == std
-        words = f"Ballast is not in mission.yaml, and is taken as known, ± {uncertainty(std)} N."
+        words = f"Mass and volume of the hull are taken from the logs' constants, ± {uncertainty(std)} N."
         assert words in found["borrowed"]
         held.append(found["parts"][0]["held_speed_std_m_s"])
     assert held[1] > 2.0 * held[0]

@@ -14,7 +14,14 @@ from pipeline.report.fitting.heldout import LEFT_OUT
 from pipeline.report.fitting.model import Model
 from pipeline.report.fitting.parameters import AT, COEFFICIENTS
 from pipeline.report.fitting.regression import Problem, Solution
-from pipeline.report.fitting.selection import CONDITION_DOUBTED, CORRELATION, condition_index, correlation, experiment
+from pipeline.report.fitting.selection import (
+    CONDITION_DOUBTED,
+    CONDITION_REFUSED,
+    CORRELATION,
+    condition_index,
+    correlation,
+    experiment,
+)
 from pipeline.report.fitting.terms import DepthRates
 from pipeline.report.fitting.text import text
 from pipeline.report.rounding import amount
@@ -24,6 +31,8 @@ STRAIN = 2.0
 CONTRADICTION = 3.0
 #: From this share of the prior's 1-sigma on a value is told by data and prior together, not by the data alone.
 SHARED = 0.5
+#: Condition indices above which a set of corrections is doubted, and refused.
+LIMITS = {"doubted": CONDITION_DOUBTED, "refused": CONDITION_REFUSED}
 
 
 def account(problem: Problem, alone: Solution, both: Solution, inflation: float) -> dict[str, Any]:
@@ -54,8 +63,7 @@ def account(problem: Problem, alone: Solution, both: Solution, inflation: float)
         with_prior = (float(both.x[i]), math.sqrt(both.covariance[i, i]) * inflation)
         prior = problem.priors.get(name, math.nan)
         parameters.append(
-            parameter(name, model, found, with_prior, prior)
-            | {"verdict": _verdict(i, apart, problem, found, prior, with_prior)}
+            parameter(name, model, found, with_prior, prior) | {"verdict": _verdict(i, apart, problem, found, prior)}
         )
     freedom = problem.size - count
     return {
@@ -69,6 +77,7 @@ def account(problem: Problem, alone: Solution, both: Solution, inflation: float)
             "covariance": alone.covariance.tolist(),
         },
         "condition_index": condition,
+        "condition_limits": LIMITS,
         "values_fitted": problem.size,
         "degrees_of_freedom": freedom,
         "chi_square": alone.chi_square,
@@ -122,6 +131,7 @@ def refused(problem: Problem, sizes: Mapping[str, Any], reason: str, condition: 
         "covariance": [],
         "joint": {"names": [], "value": [], "covariance": []},
         "condition_index": condition,
+        "condition_limits": LIMITS,
         "values_fitted": 0,
         "degrees_of_freedom": 0,
         "chi_square": math.nan,
@@ -187,7 +197,6 @@ def _verdict(
     problem: Problem,
     found: tuple[float, float],
     prior: float,
-    with_prior: tuple[float, float],
 ) -> str:
     """Return what the data say of correction `i`, `found` with its 1-sigma."""
     free = problem.model.names[: problem.free]

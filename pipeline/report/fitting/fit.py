@@ -66,10 +66,10 @@ def fit(
     dict
         For summary.json: ``parameters`` (from the data alone, with prior, bootstrap and verdict; ``interval_95`` by
         profile likelihood, which holds where theory bends over a 1-sigma, too), ``correlation``,
-        ``condition_index``, ``chi_square``, ``selection`` (what was freed beside the first set, what was not, and
-        why), ``robust``, ``colour``, ``goodness``, ``bootstrap``, ``profiles``, ``battery``, ``lift_kept``,
-        ``left_out_dives``, ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where there is no fit,
-        and then no value.
+        ``condition_index``, ``condition_limits``, ``chi_square``, ``selection`` (what was freed beside the first set,
+        what was not, and why), ``robust``, ``colour``, ``goodness``, ``bootstrap``, ``profiles``, ``battery``,
+        ``lift_kept``, ``left_out_dives``, ``borrowed``, ``contradictions``, ``residuals``, ``text``; ``reason`` where
+        there is no fit, and then no value.
 
     Raises
     ------

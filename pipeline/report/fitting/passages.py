@@ -33,7 +33,7 @@ STEP = 5.0
 PAUSE = 300.0
 #: Shortest passage, s; longest time between two fixes of one drift at the surface, and the shortest such drift, s.
 SHORTEST, LONGEST_DRIFT, SHORTEST_DRIFT = 600.0, 1800.0, 120.0
-#: 1-sigma of a fix along each axis, m.
+#: 1-sigma of a fix along each axis, m: a receiver's 5 m, and what the vehicle does between the waves and the fix.
 FIX = 10.0
 #: 1-sigma of the surface drift along each axis where it was measured, and where it was not, m/s.
 DRIFT, DRIFT_UNKNOWN = 0.1, 0.3

@@ -22,7 +22,6 @@ HALF_WIDTH, DOUBTED = 3.841458820694124, 0.025
 class Colour(NamedTuple):
     """What neighbouring whitened residuals have in common, and how many of them are worth one that is independent."""
 
-    lag_one: float
     ljung_box: float
     lags: int
     p_value: float
@@ -41,7 +40,7 @@ def colour(residual: Array) -> Colour:
     n = residual.size
     lags = min(10, n // 5)
     if lags < 1 or not np.ptp(residual) > 0.0:
-        return Colour(math.nan, math.nan, 0, math.nan, float(n), False)
+        return Colour(math.nan, 0, math.nan, float(n), False)
     centred = residual - residual.mean()
     rho = np.array([float(centred[k:] @ centred[: n - k]) for k in range(lags + 1)]) / float(centred @ centred)
     statistic = n * (n + 2.0) * float(np.sum(rho[1:] ** 2 / (n - np.arange(1, lags + 1))))
@@ -49,7 +48,7 @@ def colour(residual: Array) -> Colour:
     coloured = p_value < DOUBTED
     positive = rho[1:] if (rho[1:] > 0.0).all() else rho[1 : 1 + int(np.argmin(rho[1:] > 0.0))]
     effective = n / (1.0 + 2.0 * float(positive.sum())) if coloured else float(n)
-    return Colour(float(rho[1]), statistic, lags, p_value, effective, coloured)
+    return Colour(statistic, lags, p_value, effective, coloured)
 
 
 def bootstrap(problem: Problem, solution: Solution, *, resamples: int = RESAMPLES, seed: int = 0) -> dict[str, Any]:
