@@ -229,7 +229,8 @@ def with_sea_water(mission: Mission, streams: list[pd.DataFrame]) -> tuple[list[
         joined = frame.assign(**water).drop(columns="pressure_interpolated", errors="ignore")
         joined.attrs = frame.attrs
         out.append(joined)
-    if not any("density" in frame and frame["density"].notna().any() for frame in out):
+    known = any("density" in frame and frame["density"].notna().any() for frame in out)
+    if not known and mission.water is None:
         findings.append(
             Finding(
                 "warning",

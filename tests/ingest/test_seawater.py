@@ -131,6 +131,17 @@ def test_borrowed_water_is_a_line_in_pressure_and_said_to_be_borrowed() -> None:
     )
 
 
+def test_without_a_ctd_the_lack_of_density_is_told_unless_water_is_lent() -> None:
+    frame = pd.DataFrame({"time": np.arange(3.0), "pressure": [0.0, 100.0, 200.0]})
+    frame.attrs = {"name": "nav.csv"}
+    lent = Mission(vehicle="slocum-thruster", latitude=36.0, water=Water(density=1028.0))
+    assert seawater.with_sea_water(lent, [frame])[1] == []
+    assert [str(told) for told in seawater.with_sea_water(lent.model_copy(update={"water": None}), [frame])[1]] == [
+        "mission: density: found no record with temperature, conductivity and pressure; expected a CTD; "
+        "there is no density"
+    ]
+
+
 def test_a_measured_density_or_temperature_is_never_overwritten() -> None:
     mission = Mission(vehicle="slocum-thruster", water=Water(density=1028.0, temperature=18.0, source="an atlas"))
     table = pd.DataFrame({"pressure": [5.0], "temperature": [11.0], "density": [1026.0]})

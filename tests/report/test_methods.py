@@ -6,7 +6,9 @@ import pytest
 from synthetic import blocks, inputs
 
 from pipeline.mission import Mission, Water
+from pipeline.records import Quality
 from pipeline.report import build
+from pipeline.report.figures.water import water as water_column
 from pipeline.report.methods import WORKS
 from pipeline.vehicle import load
 
@@ -39,6 +41,11 @@ def test_water_that_was_lent_is_not_called_measured(petrel):
         "per dbar, ± 0.5 kg/m³ (a cast of last year); depth and pitch were not interpolated."
     ) in summary["methods"]
     assert any("engine volume and a density that mission.yaml lends." in line for line in summary["borrowed"])
+    warm = dry.records.assign(temperature_qc=int(Quality.MISSING))
+    picture = water_column(warm, dry.estimates)
+    assert picture is not None
+    assert picture.caption == "Measured depth against time; no temperature was measured."
+    assert picture.table.frame["temperature"].isna().all()
     measured = build(replace(given, records=given.records.assign(absolute_salinity=35.0)))[0]
     assert "In-situ density follows from TEOS-10 (McDougall and Barker, 2011)" in measured["methods"]
     assert any("engine volume and the measured density." in line for line in measured["borrowed"])

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib import MatplotlibDeprecationWarning
 from matplotlib.colors import Colormap
 
-from pipeline.records import TIME, Column, seconds, usable
+from pipeline.records import TIME, Column, Quality, seconds, usable
 from pipeline.report.compare import floats
 from pipeline.report.figures.drawing import (
     MEASURED,
@@ -51,7 +51,8 @@ def water(records: Columns, estimates: Columns) -> Picture | None:
         return None
     time = seconds(records["time"])
     start = float(time[known][0])
-    temperature = np.where(usable(records, "temperature"), floats(records, "temperature"), np.nan)
+    measured = usable(records, "temperature") & (records["temperature_qc"].to_numpy() != Quality.MISSING)
+    temperature = np.where(measured, floats(records, "temperature"), np.nan)  # none that mission.yaml lends
     smoothed = len(estimates) == len(records) and bool((~known & np.isfinite(temperature)).any())
     place = np.where(known, depth, floats(estimates, "depth")) if smoothed else depth
     warm = np.isfinite(place) & np.isfinite(temperature)
