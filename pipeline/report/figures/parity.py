@@ -16,7 +16,6 @@ from pipeline.report.figures.drawing import (
     MEASURED,
     MOST_MARKS,
     SENSOR,
-    VOID,
     WIDTH,
     Drawn,
     Picture,
@@ -37,7 +36,7 @@ COLUMNS = (
 )
 PANELS = (
     ("speed through water", (("speed", "kinematic", MEASURED, "o"), ("sensor_speed", "speed sensor", SENSOR, "s"))),
-    ("depth rate (its size)", (("depth_rate", "depth rate by pressure alone", MEASURED, "o"),)),
+    ("depth rate (its size)", (("depth_rate", "depth rate by pressure alone", INK, "o"),)),
 )
 
 
@@ -65,7 +64,7 @@ def parity(comparison: pd.DataFrame, settings: Mapping[str, Any] | None) -> Pict
             for quantity, label, colour, marker in kinds:
                 one, mean = (table[table["quantity"] == quantity] for table in (dives, all_of_them))
                 _crosses(axes, one, colour, marker, f"each dive, {label}", small=True)
-                _crosses(axes, mean, INK if colour == MEASURED else VOID, "D", f"all dives, {label}", small=False)
+                _crosses(axes, mean, colour, "D", f"all dives, {label}", small=False)
             if not len(axes.get_legend_handles_labels()[0]):
                 message(axes, "no dive and climb with an independent comparison")
         figure.axes[0].set_ylabel("odd part of E, cm/s:\nballast, pitch bias, moving water")
@@ -74,7 +73,7 @@ def parity(comparison: pd.DataFrame, settings: Mapping[str, Any] | None) -> Pict
             for axes in figure.axes
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
-        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=3)
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=max(1, len(named) // 2))
         table = pd.concat([dives, all_of_them.assign(dive=-1)])
         return picture(
             figure,
