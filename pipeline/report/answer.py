@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report.compare import SIGNIFICANT
 from pipeline.report.fitting.account import told
 from pipeline.report.fitting.selection import NOT_APART
 from pipeline.report.propulsion import strength
 from pipeline.report.rounding import amount, counted, in_words
-
-#: |E|/u_val beyond which a difference is called significant.
-SIGNIFICANT = 2.0
 
 
 def answer(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,6 +37,9 @@ EFFECTS = (*SHARED, *ALONE)
 #: Numerical uncertainty of the steady-state solver, relative: its stopping tolerance.
 SOLVER = 1e-9
 
+#: |E|/u_val beyond which a difference is called significant.
+SIGNIFICANT = 2.0
+
 QUANTITIES = {
     "speed": "speed, kinematic",
     "sensor_speed": "speed, by the sensor",

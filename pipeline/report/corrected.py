@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.findings import InputError
+from pipeline.model.forces import GRAVITY
 from pipeline.report.adjustment import CONSIDERED, CONTRADICTED
 from pipeline.report.adjustment import DETERMINED as DETERMINED_WORD
 from pipeline.report.rounding import amount
@@ -30,8 +31,6 @@ SHARES: dict[str, tuple[str, ...]] = {"parasite_drag": ("parasite_drag",), "thru
 AMOUNTS = ("compressibility", "thermal_expansion")
 #: A value that contradicts what was known before is taken if its 1-sigma fell below this share of what it was.
 DETERMINED = 0.5
-#: m/s2; what ballast weighs.
-GRAVITY = 9.81
 #: Digits kept of a value or 1-sigma that was changed, and decimals of a correlation.
 DIGITS, DECIMALS = 7, 4
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline.records import Column, conform
+from pipeline.report.compare import SIGNIFICANT
 from pipeline.report.fitting.account import told
 from pipeline.report.fleet import fleet
 from pipeline.report.propulsion import strength
@@ -14,8 +15,8 @@ from pipeline.report.propulsion import strength
 if TYPE_CHECKING:
     import pandas as pd
 
-#: |E|/u_val beyond which a cell is flagged, and share of observable samples below which, %.
-SIGNIFICANT, OBSERVABLE = 2.0, 50.0
+#: Share of observable samples below which a cell is flagged, %.
+OBSERVABLE = 50.0
 #: Corrections of the fit that the force estimate adjusts too, by its name for them.
 ADJUSTED = {"parasite_drag": "parasite_drag", "net_buoyancy": "net_buoyancy", "thrust_scale": "thrust"}
 #: Their symbols where the fit has not freed them.

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from pipeline.records import Column
+from pipeline.report.compare import SIGNIFICANT
 from pipeline.report.figures.drawing import (
     FORCE,
     HELD,
@@ -27,8 +28,6 @@ from pipeline.report.figures.drawing import (
 
 #: Missions named along the axis at most; of more, every second, third … is named.
 NAMED = 14
-#: |E|/u_val beyond which a mark is filled.
-SIGNIFICANT = 2.0
 #: Of which mission a row is; the first columns of both tables.
 MISSION = (
     Column("mission", "", "name of the mission", "string"),

@@ -11,9 +11,10 @@ import pandas as pd
 
 from pipeline.records import Column
 from pipeline.report.figures.drawing import HELD, INK, MEASURED, VOID, WIDTH, Drawn, Picture, canvas, picture, style
+from pipeline.report.fitting.uncertainty import HALF_WIDTH
 
-#: Δχ² at the ends of a 95 % interval, and how far up a profile is drawn.
-LIMIT, MOST = 3.841458820694124, 10.0
+#: Δχ² up to which a profile is drawn.
+MOST = 10.0
 #: Panels in a row.
 ACROSS = 3
 
@@ -42,7 +43,7 @@ def profiles(fit: Mapping[str, Any]) -> Picture | None:
             fine = np.linspace(value[0], value[-1], 101)
             parabola = ((fine - item["value"]) / item["std"]) ** 2
             axes.plot(fine, parabola, color=VOID, linestyle=":", label="parabola of the 1σ")
-            axes.axhline(LIMIT, color=INK, linewidth=0.8, linestyle="--")
+            axes.axhline(HALF_WIDTH, color=INK, linewidth=0.8, linestyle="--")
             axes.axvline(0.0, color=INK, linewidth=0.6)
             ends = fit["bootstrap"]["interval_95"][k]
             if np.isfinite(ends).all():
