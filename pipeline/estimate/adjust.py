@@ -71,6 +71,9 @@ YIELDING = 2.0
 CONTRADICTED = 2.0
 #: The data are said to determine a parameter when its 1-sigma falls below this share of what it was.
 DETERMINED = 0.5
+#: How much the data must tell of the hull's lag to be felt, over what was known before, both as inverse variances; and
+#: how far apart, in 1-sigma before, two explanations are two.
+FELT, APART = 0.05, 0.5
 #: Noise levels found by likelihood, with the 1-sigma of the logarithm.
 SEARCHED = {"sigma_w": 0.8, "tau_w": 0.7, "depth_noise": 1.0, "swell": 2.0, "force_drift": 2.0, "load": 1.0}
 
@@ -135,10 +138,56 @@ def adjust(
         craft = craft._replace(std=std)
     adjusted = set(PARAMETERS if speed else ADJUSTED) - (set() if powered else {"thrust"})
     free = np.array([name in adjusted for name in PARAMETERS]) & (craft.std > 0.0)
-    paths = list(paths)
+
+    def descend(craft: Craft, settings: Settings, paths: Sequence[Path], *, search: bool) -> _End:
+        return _descend(stretches, craft, settings, list(paths), free, search=search, speed=speed, each=each)
+
+    end = descend(craft, settings, paths, search=search)
+    astray = np.empty((free.size, 0))
+    if free[HULL_TIME] and free[CARRIED] and _felt(end):
+        end, astray = _likelier(end, descend(_otherwise(end.craft), end.settings, end.paths, search=False))
+    craft, paths = end.craft, end.paths
+    if noise is None:
+        names = tuple(SEARCHED)
+        noise = _likeliest(stretches[:1], craft, end.settings, paths[:1], names, speed=speed, each=each)
+    normal = _equations(stretches, craft, noise.settings, paths, speed=speed, each=each)
+    touched = np.diag(normal.matrix) > 0.0
+    matrix, gradient = _with_prior(normal, craft)
+    weights = _as_weighted(noise.settings) if search else noise.settings
+    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed, each=each), craft)
+    left = np.column_stack([_root(weighted, free), _step(matrix, gradient, free), touched[:, None] * astray])
+    columns = left * craft.std[:, None]
+    return Adjusted(craft, noise, columns, _report(craft, columns, free, touched, end.converged))
+
+
+class _End(NamedTuple):
+    """Where Gauss–Newton steps ended."""
+
+    craft: Craft
+    settings: Settings
+    paths: list[Path]
+    matrix: np.ndarray  # (c, c), of the normal equations, prior included
+    cost: float  # -2 ln of likelihood times prior, but for a constant
+    converged: bool
+
+
+def _descend(
+    stretches: Sequence[Stretch],
+    craft: Craft,
+    settings: Settings,
+    paths: list[Path],
+    free: np.ndarray,
+    *,
+    search: bool,
+    speed: bool,
+    each: Each,
+) -> _End:
+    """Return where steps of the `free` parameters end; on the way noise levels are searched if `search` says so."""
     converged, share, last = False, 1.0, np.zeros(free.size)
     for step in range(STEPS):
-        matrix, gradient = _with_prior(_equations(stretches, craft, settings, paths, speed=speed, each=each), craft)
+        normal = _equations(stretches, craft, settings, paths, speed=speed, each=each)
+        matrix, gradient = _with_prior(normal, craft)
+        cost = normal.cost + _prior_cost(craft)
         least = -craft.value[UNSIGNED] / np.maximum(craft.std[UNSIGNED], 1e-9)
         change = _step(matrix, gradient, free, least)
         if change @ last < -0.5 * float(np.linalg.norm(change) * np.linalg.norm(last)):
@@ -156,15 +205,39 @@ def adjust(
         elif np.max(np.abs(change)) < STILL and (step > SEARCHES[-1] or not search):
             converged = True
             break
-    if noise is None:
-        noise = _likeliest(stretches[:1], craft, settings, paths[:1], tuple(SEARCHED), speed=speed, each=each)
-    normal = _equations(stretches, craft, noise.settings, paths, speed=speed, each=each)
-    touched = np.diag(normal.matrix) > 0.0
-    matrix, gradient = _with_prior(normal, craft)
-    weights = _as_weighted(noise.settings) if search else noise.settings
-    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed, each=each), craft)
-    columns = np.column_stack([_root(weighted, free), _step(matrix, gradient, free)]) * craft.std[:, None]
-    return Adjusted(craft, noise, columns, _report(craft, columns, free, touched, converged))
+    return _End(craft, settings, paths, matrix, cost, converged)
+
+
+def _felt(end: _End) -> bool:
+    """Return whether the data say anything of the time in which the hull takes on the water's temperature."""
+    return bool(end.matrix[HULL_TIME, HULL_TIME] > 1.0 + FELT)
+
+
+def _otherwise(craft: Craft) -> Craft:
+    """Return `craft` with what looks like what was found: a hull without lag in a full fairing, or the other way round.
+
+    Where temperature makes the density, a hull that lags behind it and water that is carried along both hold the
+    vehicle up as it sinks and down as it rises; the cost has two minima.
+    """
+    value = craft.value.copy()
+    if value[CARRIED] < 0.5 * craft.std[CARRIED]:
+        value[CARRIED], value[HULL_TIME] = craft.centre[CARRIED] + craft.std[CARRIED], 0.0
+    else:
+        value[CARRIED], value[HULL_TIME] = 0.0, craft.centre[HULL_TIME] + craft.std[HULL_TIME]
+    return craft._replace(value=value)
+
+
+def _likelier(first: _End, second: _End) -> tuple[_End, np.ndarray]:
+    """Return the likelier of two ends, and the column of covariance, per prior 1-sigma, that the other one leaves open.
+
+    The column is the way to the other, times the root of its probability: that of a mixture about the likelier.
+    """
+    best, other = (first, second) if first.cost <= second.cost else (second, first)
+    way = (other.craft.value - best.craft.value) / np.where(best.craft.std > 0.0, best.craft.std, 1.0)
+    if not other.converged or np.max(np.abs(way[[HULL_TIME, CARRIED]])) < APART:
+        return first, np.empty((way.size, 0))
+    probability = 1.0 / (1.0 + np.exp(min(0.5 * (other.cost - best.cost), 50.0)))
+    return best, probability**0.5 * way[:, None]
 
 
 def _as_weighted(settings: Settings) -> Settings:
@@ -226,6 +299,14 @@ def _with_prior(normal: _Normal, craft: Craft) -> tuple[np.ndarray, np.ndarray]:
     weight = np.ones(known.size)
     weight[BUOYANCY] = min(1.0, YIELDING / max(abs(departure[BUOYANCY]), 1e-9))
     return normal.matrix + np.diag(weight), normal.vector + weight * departure
+
+
+def _prior_cost(craft: Craft) -> float:
+    """Return -2 ln of the prior, but for a constant, whose gradient `_with_prior` takes."""
+    known = craft.std > 0.0
+    departure = np.abs(craft.value - craft.centre) / np.where(known, craft.std, np.inf)
+    within = np.where(np.arange(known.size) == BUOYANCY, np.minimum(departure, YIELDING), departure)
+    return float(np.sum(within * (2.0 * departure - within)))
 
 
 def _step(matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, least: np.ndarray | None = None) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from dives import PETREL, Flown
 
+from benchmarks import carried
 from pipeline.estimate import adjust, force, smoother, stage
 from pipeline.estimate.ballast import hull
 from pipeline.estimate.craft import PARAMETERS, Adjusted, from_vehicle
@@ -23,7 +24,7 @@ from pipeline.estimate.settings import Noise, Settings
 from pipeline.estimate.trajectory import first_guess
 from pipeline.model.exchange import CARRIED_STD, FLUSHING_BEFORE, FLUSHING_STD
 from pipeline.simulate import Injection
-from pipeline.vehicle import Coefficient, Vehicle
+from pipeline.vehicle import Coefficient, Vehicle, load
 
 SEEDS = range(16)
 RELATIVE = ("parasite_drag", "lift_slope", "induced_drag", "compressibility", "thermal_expansion")
@@ -313,3 +314,52 @@ def test_while_parameters_are_wrong_no_noise_as_large_as_their_error_holds_them_
     wrong = 0.35 * PETREL["parasite_drag"] * 0.4**2 / PETREL["mass"] * 60.0
     assert math.sqrt(60.0 * noise.force_drift) < 0.2 * wrong
     assert noise.sigma_w == pytest.approx(0.025, rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def through_a_thermocline() -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, Mapping[str, float]]]:
+    """Return the parameters found in a mission that carries 0.3 of its hull's volume through a thermocline, unsaid.
+
+    Begun as always, and begun with a full fairing and a hull without lag.
+    """
+    settings, records = carried.flown("thermocline", 0)
+    craft = load("petrel-ii")
+    body, _ = hull(settings, craft, {}, records)
+    assert body is not None
+    inputs, _ = forcing(records, craft, settings, body)
+    assert inputs is not None
+    series, begun = from_records(records), from_vehicle(craft, settings, body)
+    guess = first_guess(series, craft.polar)
+    path = force.path(series, guess.speed, guess.pitch)
+    usual = adjust.adjust([adjust.Stretch(series, inputs)], begun, [path], speed=False)
+    return usual.report["parameters"], carried.from_another_start(settings, records, craft)
+
+
+def test_where_two_explanations_look_alike_the_start_does_not_choose(
+    through_a_thermocline: tuple[Mapping[str, Mapping[str, float]], Mapping[str, Mapping[str, float]]],
+) -> None:
+    usual, other = through_a_thermocline
+    for name in ("carried_water", "hull_time"):
+        assert usual[name]["value"] == pytest.approx(other[name]["value"], abs=0.1 * usual[name]["std"])
+        assert usual[name]["std"] == pytest.approx(other[name]["std"], rel=0.1)
+
+
+def test_where_two_explanations_look_alike_the_interval_holds_both(
+    through_a_thermocline: tuple[Mapping[str, Mapping[str, float]], Mapping[str, Mapping[str, float]]],
+) -> None:
+    usual, _ = through_a_thermocline
+    for name, truth in (("carried_water", carried.SHARE), ("hull_time", 0.0)):
+        assert abs(usual[name]["value"] - truth) < 2.0 * usual[name]["std"]
+    assert usual["carried_water"]["std"] > 0.1  # by either of the two alone 0.07
+
+
+def test_the_cost_of_the_prior_has_the_gradient_that_is_taken() -> None:
+    craft = arrays.craft(PETREL)
+    nothing = adjust._Normal(np.zeros((craft.std.size,) * 2), np.zeros(craft.std.size), 0.0)
+    for departure in (0.5, 3.0, -4.0):
+        here = craft._replace(value=craft.centre + departure * craft.std)
+        _, gradient = adjust._with_prior(nothing, here)
+        for i in np.flatnonzero(craft.std > 0.0):
+            step = 1e-6 * np.where(np.arange(craft.std.size) == i, craft.std, 0.0)
+            ahead, behind = (adjust._prior_cost(here._replace(value=here.value + sign * step)) for sign in (1, -1))
+            assert (ahead - behind) / 2e-6 == pytest.approx(2.0 * gradient[i], rel=1e-6)
