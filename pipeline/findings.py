@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import traceback
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
@@ -10,6 +11,14 @@ from pathlib import Path
 from typing import Literal
 
 Severity = Literal["note", "warning", "error"]
+#: What must not reach a terminal or a page: control characters but white space; of many alike, one is enough.
+_UNPRINTABLE = re.compile(r"([\x00-\x08\x0e-\x1f\x7f])\1*")
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """Return the code of a control character, and how often it stands there in a row."""
+    count = len(match[0])
+    return f"\\x{ord(match[1]):02x}" + (f" ({count} times)" if count > 1 else "")
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,10 @@ class Finding:
     found: str
     expected: str = ""
     remedy: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("file", "where", "found", "expected", "remedy"):
+            object.__setattr__(self, name, _UNPRINTABLE.sub(_escaped, getattr(self, name)))
 
     def __str__(self) -> str:
         place = f"{self.file}: {self.where}" if self.where else self.file

@@ -192,10 +192,17 @@ def simulate(trial: str, out: Path, *, seed: int = 0, injection: Injection | Non
     Raises
     ------
     InputError
-        If there is no such trial; the nearest is named.
+        If there is no such trial; the nearest is named. If `out` holds files and is no mission that was simulated.
     """
     plan = trials.trial(trial)
     injection = injection or Injection()
+    if out.is_dir() and any(out.iterdir()) and not (out / "truth.parquet").is_file():
+        raise InputError(
+            out.name or str(out),
+            found="a folder with files that no simulation wrote",
+            expected="a new or empty folder, or that of a simulated mission",
+            remedy="nothing was written; name another",
+        )
     simulated = run(plan, seed, injection)
     instruments.write(plan, simulated.streams, out, seed)
     true = injection.into(plan.vehicle)

@@ -79,6 +79,21 @@ POSITIVE = frozenset(
         "battery_mass",
     }
 )
+#: What no underwater glider has: most of these are a number in another unit (grams, per dbar, g/cm3).
+BOUNDS = {
+    "mass": (1.0, 5000.0),
+    "battery_mass": (0.0, 5000.0),
+    "mass_forward": (1.0, 1e4),
+    "mass_normal": (1.0, 1e5),
+    "reference_density": (900.0, 1100.0),
+    "compressibility": (-1e-8, 1e-8),
+    "thermal_expansion": (-1e-3, 1e-3),
+    "reference_temperature": (-10.0, 50.0),
+    "drag_exponent": (-1.0, 1.0),
+    "propulsive_efficiency": (0.0, 1.0),
+    "propeller_diameter": (0.0, 5.0),
+    "carried_water": (0.0, 2.0),
+}
 #: Coefficients that are zero, positive or unknown.
 NOT_NEGATIVE = frozenset({"carried_water"})
 
@@ -337,8 +352,8 @@ def check_value(name: str, value: float, file: str) -> None:
     Raises
     ------
     InputError
-        If there is no such coefficient (the nearest is named), or the value is infinite, or zero or negative where it
-        cannot be.
+        If there is no such coefficient (the nearest is named), or the value is infinite, zero or negative where it
+        cannot be, or beyond `BOUNDS`.
     """
     if name not in KNOWN:
         raise InputError(file, name, found="an unknown coefficient", remedy=nearest(name, list(KNOWN)))
@@ -348,3 +363,9 @@ def check_value(name: str, value: float, file: str) -> None:
         raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="a positive number")
     if name in NOT_NEGATIVE and value < 0:
         raise InputError(file, name, found=f"{value:g} {KNOWN[name].unit}", expected="zero or a positive number")
+    low, high = BOUNDS.get(name, (-math.inf, math.inf))
+    if not math.isnan(value) and not low <= value <= high:
+        unit = "" if KNOWN[name].unit == "1" else f" {KNOWN[name].unit}"
+        raise InputError(
+            file, name, found=f"{value:g}{unit}", expected=f"{low:g} to {high:g}{unit}", remedy="its unit?"
+        )

@@ -75,3 +75,8 @@ def test_an_error_of_the_file_system_names_the_file() -> None:
 def test_an_input_error_is_left_as_it_is() -> None:
     error = InputError("a", found="b")
     assert in_one_line(error, "ingest", "") is error
+
+
+def test_control_characters_never_reach_a_terminal_or_a_page() -> None:
+    found = Finding("warning", "a.csv", "row 3", "'12" + 4096 * "\0" + "\x1b[31m7'", "a number").as_dict()["found"]
+    assert found == "'12\\x00 (4096 times)\\x1b[31m7'"

@@ -556,3 +556,11 @@ def test_floating_is_not_ordered_under_water() -> None:
         "petrel2-scs-2014: order 3 of 3: found afloat at 40 m; expected an order to float at the surface; "
         "end the order before it at the surface"
     )
+
+
+def test_a_folder_with_files_of_others_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "ctd.csv").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        simulate("petrel2-scs-2014", tmp_path)
+    assert "found a folder with files that no simulation wrote" in str(error.value)
+    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]

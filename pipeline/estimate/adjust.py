@@ -281,7 +281,7 @@ def _normal(problem: Problem, series: Series) -> _Normal:
     found, variance = kalman.innovations(problem)
     found = found / np.sqrt(variance)[:, :, None]
     used = np.isfinite(found[:, :, 0])
-    used[series.afloat] = False
+    used[series.afloat | series.standing] = False
     used[series.manoeuvre, 1] = False
     residual, slope = found[used][:, 0], found[used][:, 1:]
     weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9))

@@ -105,7 +105,7 @@ def attitude(series: Series, vehicle: Vehicle) -> Attitude:
 
 def _blocks(series: Series) -> _Blocks:
     """Return the means over pieces of at most `BLOCK` seconds of steady unpowered flight below the surface."""
-    steady = ~(series.manoeuvre | series.powered | series.surfaced | series.unmeasured)
+    steady = ~(series.manoeuvre | series.powered | series.resting | series.unmeasured)
     starts = steady & ~np.concatenate([[False], steady[:-1]])
     starts |= np.diff(series.time, prepend=series.time[:1]) > PAUSE
     run = np.maximum(np.cumsum(starts) - 1, 0)

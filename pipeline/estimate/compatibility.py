@@ -182,7 +182,7 @@ def _spikes(series: Series, *, use_speed: bool) -> dict[str, np.ndarray]:
             np.nan_to_num(series.speed_std[at], nan=0.02),
             (ahead - behind) / SPAN,
             np.interp(t, time[pitch], series.pitch[pitch]),
-            (series.manoeuvre | series.surfaced)[at],
+            (series.manoeuvre | series.resting)[at],
         )
         out["speed"] &= deep
     return out

@@ -333,7 +333,7 @@ def follow(series: Series, force: Forcing, craft: Craft, at: Path, columns: np.n
         craft.value,
         columns,
         series.time,
-        series.afloat,
+        series.afloat | series.standing,
         series.leaping,
         force,
         at,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.estimate.lag import LENGTH as LENGTHS
 from pipeline.estimate.problem import Problem
 from pipeline.estimate.sensors import with_rate, with_scale
 from pipeline.estimate.series import Series
@@ -36,6 +37,9 @@ SPAN = 0.6
 
 #: Relative change of V per change of pitch (1/rad) is taken to be at most this.
 STEEPEST_TURN = 5.0
+#: V is late by ℓ/2V behind the steady glide at the pitch it has, ℓ = m/K_D [m], which is nearly the same for all
+#: gliders (see `lag`): no coefficient is looked at. Below the latter speed [m/s] it is no later.
+LENGTH, SLOWEST = LENGTHS[0], 0.1
 
 #: Under power V² goes with thrust and the weight along the path together, in a glide with the latter alone: of a
 #: glide's change of V per change of pitch V follows a share between 0 and 1; this one, with its 1-sigma; and the most
@@ -84,7 +88,7 @@ class Course(NamedTuple):
     turning: np.ndarray
     loose: np.ndarray
     gentle: np.ndarray
-    surfaced: np.ndarray
+    resting: np.ndarray
     cruising: np.ndarray
     new_setting: np.ndarray
     leaping: np.ndarray
@@ -179,15 +183,17 @@ def _follow(
     m, c = changes.shape
     known = np.full((c, 2, 7), np.nan)
     drag_0, alpha, by_pitch, before = parasite(polar, 1.0), math.nan, 0.0, 0.0
-    best = best_glides(polar, drag_0)
+    best, lagging = best_glides(polar, drag_0), at.pitch[0]
     for k in range(m):
         v, pitch, powered = at.speed[k], at.pitch[k], course.powered[k]
+        if course.manoeuvre[k] or course.resting[k]:
+            lagging = pitch
         if polar.drag_exponent != 0.0:
             drag_0 = parasite(polar, v)
             best = best_glides(polar, drag_0)
-        alpha += by_pitch * (pitch - before)
-        alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, pitch, alpha)
-        before = pitch
+        alpha += by_pitch * (lagging - before)
+        alpha, by_pitch, by_speed, steady = glide_near(polar, drag_0, best, v, lagging, alpha)
+        before = lagging
         share = 0.0 if powered else 1.0  # under power the closure says only how far α may be from zero
         gamma = pitch - share * alpha - at.slip[k]
         sine, cosine = math.sin(gamma), math.cos(gamma)
@@ -201,12 +207,17 @@ def _follow(
         else:
             by_turn = 0.0
         slopes.alpha[k], slopes.steady[k], slopes.by_turn[k] = alpha, steady, by_turn
-        slopes.turned[k] = followed * by_turn * (at.pitch[k + 1] - pitch) if k < m - 1 else 0.0
+        slopes.turned[k], of_speed = 0.0, lagging
+        if k < m - 1 and not (course.manoeuvre[k] or course.resting[k]):
+            pause = course.time[k + 1] - course.time[k]
+            step = (at.pitch[k + 1] - lagging) * -math.expm1(-2.0 * pause * max(v, SLOWEST) / LENGTH)
+            slopes.turned[k] = followed * by_turn * step
+            lagging += step
         slopes.sine[k], slopes.cosine[k] = sine, cosine
         slopes.sine_held[k], slopes.cosine_held[k] = math.sin(gamma + at.slip[k]), math.cos(gamma + at.slip[k])
         slopes.turn_v[k], slopes.turn_t[k] = -share * by_speed, 1.0 - share * by_pitch
         for i in range(c):
-            changes[k, i] = 0.0 if powered else change_of_glide(moved[i], known[i], v, pitch)
+            changes[k, i] = 0.0 if powered else change_of_glide(moved[i], known[i], v, of_speed)
 
 
 @njit(cache=True, nogil=True)
@@ -231,18 +242,18 @@ def _fill(
     for k in range(m - 1):
         pause = course.time[k + 1] - course.time[k]
         dt = min(max(pause, 1e-3), LONGEST)
-        v, pitch, quick, surfaced = at.speed[k], at.pitch[k], course.manoeuvre[k], course.surfaced[k]
+        v, pitch, quick, resting = at.speed[k], at.pitch[k], course.manoeuvre[k], course.resting[k]
         powered, gentle, cruising = course.powered[k], course.gentle[k], course.cruising[k]
         steady, sine, cosine = slopes.steady[k], slopes.sine[k], slopes.cosine[k]
         turn_v, turn_t = slopes.turn_v[k], slopes.turn_t[k]
         met = course.stratification[k]
-        slowing = 0.0 if math.isnan(met) or surfaced or cruising else met
+        slowing = 0.0 if math.isnan(met) or resting or cruising else met
         rate = -v * sine
         z_v, z_t, z_s = -slopes.sine_held[k] - v * cosine * turn_v, -v * cosine * turn_t, v * cosine
         turned = 0.0
         if cruising:  # depth bears no speed in level flight: only how far the path is off level
             z_v = 0.0
-        if surfaced:
+        if resting:
             q_v = s.speed_drift_surface
         elif quick and gentle:
             q_v = s.speed_drift_gentle
@@ -273,7 +284,7 @@ def _fill(
         dt_0, tau_0 = dt, tau_s
         w_weight, w_var, w_cov, w_int = integrated(s.sigma_w, s.tau_w, dt, phi_w)
         s_weight, s_var, s_cov, s_int = integrated(sigma_s, tau_s, dt, phi_s)
-        if surfaced:  # afloat, neither flight nor water moves it up and down
+        if resting:  # afloat, neither flight nor water moves it up and down
             rate, z_v, z_t, z_s, w_weight, w_cov, w_int = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         d, q, x, F, b = decay[k], noise[k], cross[k], rows[k], shift[k]
         d[:] = 1.0
@@ -292,7 +303,7 @@ def _fill(
             x[SPEED] = z_v * q_v * dt * dt / 2.0
         x[PITCH], x[WATER], x[SLIP] = z_t * q_t * dt * dt / 2.0, -w_cov, z_s * s_cov
         q[DEPTH] = (z_v**2 * q_v + z_t**2 * q_t) * dt**3 / 3.0 + w_int + z_s**2 * s_int + s.swell * dt
-        if surfaced or quick:
+        if resting or quick:
             q[DEPTH] += s.heave_drift * dt  # sinking nose up, rising nose down, waves: not the polar's flight
         if course.leaping[k]:
             q[DEPTH] += ANY_DEPTH**2
@@ -301,15 +312,15 @@ def _fill(
             along = (math.sin(course.heading[k]), math.cos(course.heading[k]))
             x_v = slopes.cosine_held[k] - v * sine * turn_v
             x_t, x_s = -v * sine * turn_t, v * sine
-            if surfaced:
+            if resting:
                 x_v, x_t, x_s = 0.0, 0.0, 0.0
-            forward = 0.0 if surfaced else v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
+            forward = 0.0 if resting else v * cosine - x_v * v - x_t * pitch - x_s * at.slip[k]
             unknown = pause > LONGEST or course.leaping[k]
             for i in range(2):
                 F[2 + i, source], F[2 + i, PITCH] = along[i] * x_v * dt, along[i] * x_t * dt
                 F[2 + i, SLIP], F[2 + i, EAST + i], F[2 + i, CURRENT_EAST + i] = along[i] * x_s * dt, 1.0, dt
                 b[2 + i, 0] = along[i] * forward * dt
-                q[EAST + i] = (s.surface_drift if surfaced else s.position_drift) * dt
+                q[EAST + i] = (s.surface_drift if resting else s.position_drift) * dt
                 if unknown:
                     q[EAST + i] += ANYWHERE**2
                 q[CURRENT_EAST + i] = s.current_drift * dt
@@ -317,7 +328,7 @@ def _fill(
                 q[CRUISE] = s.cruise_drift * dt + (s.initial_speed**2 if course.new_setting[k] else 0.0)
             if cruising:  # meanwhile the other speed is at large: it is tied to this one where the cruise ends
                 q[SPEED] = s.speed_drift_surface * dt
-        if not powered and not surfaced:
+        if not powered and not resting:
             for i in range(c):
                 b[0, 2 + i] = v * cosine * changes[k, i] * dt
                 if n > EAST:

@@ -70,7 +70,7 @@ def solve(records: pd.DataFrame, prepared: Prepared) -> Part:
             )
             flights.append(("force", by_force.flight, by_force.problem, by_force.solution, False))
             scales["force"] = by_force.scale
-    steady = ~(series.manoeuvre | series.surfaced)
+    steady = ~(series.manoeuvre | series.resting)
     for method, flight, problem, solution, by_depth in flights:
         reason = verdict(
             series,

@@ -36,6 +36,8 @@ BACKWARDS = 0.02
 BLIND, UNSEEN = 15.0, np.radians(5.0)
 #: Where depth says that pitch turned and came back between two samples, it was this far (rad, 1-sigma) from them.
 ASTRAY = np.radians(35.0)
+#: Depth stands still where it keeps within this (m) and this many times its noise, for so long (s), by so many samples.
+STILL, NOISES, LASTING, SAMPLES = 0.3, 5.0, 180.0, 6
 #: Settings reported more often than this (s) are reported whether they change or not.
 REGULAR = 60.0
 #: V comes to be anything in no less than this (s).
@@ -65,6 +67,7 @@ class Series:
     loose: np.ndarray  # 1/s, one over how long nothing bounds V: engine at work or not logged, propeller switched, …
     gentle: np.ndarray  # bool: powered, and the propeller's setting has not just changed
     surfaced: np.ndarray  # bool
+    standing: np.ndarray  # bool: depth stands still without a propeller, on the bottom, held or hovering
     afloat: np.ndarray  # bool: at the surface, or breaking it
     unmeasured: np.ndarray  # bool: no depth or no pitch within `PAUSE`
     cruising: np.ndarray  # bool: powered level flight, steady
@@ -76,6 +79,11 @@ class Series:
     def __getitem__(self, part: slice) -> Series:
         parts = {name: value[part] for name, value in vars(self).items() if name != "start"}
         return Series(start=self.start, **parts)
+
+    @property
+    def resting(self) -> np.ndarray:
+        """Where neither flight nor water moves the vehicle up and down: afloat, or standing; bool of shape (m,)."""
+        return np.asarray(self.surfaced | self.standing)
 
     @property
     def heading_known(self) -> bool:
@@ -158,6 +166,7 @@ def from_records(records: pd.DataFrame) -> Series:
     phase = records["phase"].to_numpy()
     driven = powered(records)
     surfaced = phase == Phase.SURFACING
+    standing = _standing(time, depth) & ~driven & ~surfaced & (depth_guess > AFLOAT)
     leaping = leaps(time, depth)
     turning, pumping = np.abs(_rate(time, pitch_guess, 12.0)), _pumping(time, records)
     logged = bool(np.isfinite(records["buoyancy_volume"]).any())
@@ -166,8 +175,9 @@ def from_records(records: pd.DataFrame) -> Series:
     unseen, hiding = _unseen(time, pitch, backwards)
     hidden = backwards | (np.diff(time, append=time[-1]) > PAUSE) | unseen
     manoeuvre = _manoeuvre(time, (turning > TURNED) | pumping | hidden, phase, driven)
-    manoeuvre |= near(time, leaping, BEFORE, AFTER)
-    free = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER) | near(time, surfaced, AFTER, AFTER)
+    manoeuvre |= near(time, leaping, BEFORE, AFTER) | near(time, standing, BEFORE, AFTER)
+    free = pumping | (not logged) | switched | near(time, hidden, BEFORE, AFTER)
+    free |= near(time, surfaced | standing, AFTER, AFTER)
     gentle = driven & ~switched
     cruising = driven & ~manoeuvre & ~surfaced & (np.abs(pitch_guess) < LEVEL)
     return Series(
@@ -187,9 +197,10 @@ def from_records(records: pd.DataFrame) -> Series:
         powered=driven,
         manoeuvre=manoeuvre,
         turning=turning,
-        loose=_loose(time, free & manoeuvre & ~surfaced),
+        loose=_loose(time, free & manoeuvre & ~(surfaced | standing)),
         gentle=gentle,
         surfaced=surfaced,
+        standing=standing,
         afloat=surfaced | (depth_guess < AFLOAT),
         unmeasured=~(near(time, np.isfinite(depth), PAUSE, PAUSE) & near(time, np.isfinite(pitch), PAUSE, PAUSE)),
         cruising=cruising,
@@ -198,6 +209,21 @@ def from_records(records: pd.DataFrame) -> Series:
         hiding=hiding,
         leaping=leaping,
     )
+
+
+def _standing(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return where depth keeps still for `LASTING` s, boolean of shape (m,)."""
+    known = np.flatnonzero(np.isfinite(depth))
+    if known.size < SAMPLES:
+        return np.zeros(time.size, dtype=bool)
+    clock = pd.to_timedelta(time[known], unit="s")
+    around = pd.Series(depth[known], index=clock).rolling(f"{LASTING}s", center=True, min_periods=SAMPLES)
+    still = (around.max() - around.min()).to_numpy() < STILL + NOISES * noise(depth[known])
+    lasting = time[known] - time[known[0]] >= 0.5 * LASTING  # the window is whole
+    lasting &= time[known[-1]] - time[known] >= 0.5 * LASTING
+    at = np.zeros(time.size, dtype=bool)
+    at[known[still & lasting]] = True
+    return near(time, at, 0.5 * LASTING, 0.5 * LASTING)
 
 
 def increasing(time: np.ndarray) -> np.ndarray:

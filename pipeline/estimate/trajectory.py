@@ -110,7 +110,7 @@ def step(series: Series, speed: np.ndarray, before: np.ndarray) -> float:
     Afloat it means nothing.
     """
     most = np.where(series.manoeuvre, STILL_MANOEUVRE, STILL)
-    return float(np.max(np.abs(speed - before) / most, initial=0.0, where=~series.afloat))
+    return float(np.max(np.abs(speed - before) / most, initial=0.0, where=~(series.afloat | series.standing)))
 
 
 def still(steps: Sequence[float]) -> bool:

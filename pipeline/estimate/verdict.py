@@ -55,5 +55,6 @@ def verdict(
         )
     reason[~np.isfinite(speed)] = "no finite estimate was found" if polar_known else UNKNOWN_POLAR
     reason[series.unmeasured] = "no depth or no pitch within two minutes"
+    reason[series.standing] = "depth stands still: on the bottom, held, or hovering"
     reason[series.afloat] = "at the surface"
     return reason

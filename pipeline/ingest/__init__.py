@@ -60,7 +60,8 @@ def recognise(mission: Mission) -> str:
     present = _present(mission)
     tables = [path for path in present if _reader("table").recognises(path)]
     others = [path for path in present if path not in tables and path.name != FILE]
-    found = {name: [path for path in others if _reader(name).recognises(path)] if others else [] for name in NATIVE}
+    filled = [path for path in others if path.stat().st_size or not tables]  # for an empty file no table is left out
+    found = {name: [path for path in filled if _reader(name).recognises(path)] if filled else [] for name in NATIVE}
     found["table"] = tables
     native = [name for name in NATIVE if found[name]]
     formats = native + (["table"] if mission.files or (found["table"] and not native) else [])
@@ -96,6 +97,41 @@ def _without_logs(mission: Mission, others: list[Path]) -> InputError:
         expected="plain tables (.csv, .parquet), Slocum files (.dbd, .ebd …) or Seaglider files (p*.nc)",
         remedy="; ".join([*remedies, "put the logs beside mission.yaml"]),
     )
+
+
+def _read(mission: Mission, form: str) -> Logs:
+    """Return the logs; where there are none in the files of a glider's own format, tables beside them are named."""
+    try:
+        logs: Logs = _reader(form).read(mission)
+    except InputError as error:
+        tables = [] if form == "table" or mission.format != "auto" else _reader("table").files(mission.folder)
+        if not tables:
+            raise
+        finding, names = error.finding, ", ".join(path.name for path in tables[:3])
+        remedy = f"{finding.remedy}; to read the tables beside it ({names}), set format: table in mission.yaml"
+        raise InputError(
+            finding.file,
+            finding.where,
+            found=finding.found,
+            expected=finding.expected,
+            remedy=remedy.removeprefix("; "),
+        ) from error
+    return logs
+
+
+def _of_another(mission: Mission, form: str) -> list[Finding]:
+    """Return a warning where the files are those of one make of glider and the vehicle of the package is of another."""
+    makes = ("slocum", "seaglider", "seaexplorer", "spray")
+    make = next((make for make in makes if mission.vehicle.startswith(make)), "")
+    logged = form if form in makes else ""
+    if form == "table" and any(_reader(form).SERIAL.match(path.name.lower()) for path in _present(mission)):
+        logged = "seaexplorer"
+    if not make or not logged or make == logged or mission.vehicle.endswith((".yaml", ".yml")):
+        return []
+    found, expected = f"'{mission.vehicle}' and files of a {logged}", f"a {logged}"
+    return [
+        Finding("warning", "mission.yaml", "vehicle", found, expected, "its lift, drag and mass are those of another")
+    ]
 
 
 def input_files(mission: Mission) -> list[Path]:
@@ -134,8 +170,8 @@ def ingest(mission: Mission) -> Ingested:
     from pipeline.records import RECORDS, conform, timestamps
 
     form = recognise(mission)
-    logs: Logs = _reader(form).read(mission)
-    findings = [*_left_out(mission, form), *logs.findings]
+    logs = _read(mission, form)
+    findings = [*_left_out(mission, form), *_of_another(mission, form), *logs.findings]
     streams = []
     for k, frame in enumerate(logs.streams):
         frame.attrs.setdefault("name", _label(frame, k))
@@ -177,6 +213,7 @@ def ingest(mission: Mission) -> Ingested:
         table, doubts = plausibility.with_engine_checked(table, _source(streams, "buoyancy_volume"))
         findings += doubts
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
+    findings += merge.without_dives(table, mission)
     table, notes = merge.selected(table, mission.dives)
     findings += notes
     if not (table["block"] >= 0).any():

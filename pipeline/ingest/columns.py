@@ -91,6 +91,10 @@ def match(
             )
         stated = _unit(entry.column, units[columns.index(entry.column)])
         sources[key] = [Source(entry.column, entry.unit or stated, entry.unit is None)]
+    for ignored in table.ignore:
+        if ignored not in columns:
+            place, remedy = f"files.{file}.ignore", nearest(ignored, columns)
+            notes.append(Finding("warning", "mission.yaml", place, f"'{ignored}', no column of it", "a column", remedy))
     taken = {source.column for entry in sources.values() for source in entry} | set(table.ignore)
     left = []
     meanings = meanings or {}

@@ -47,6 +47,15 @@ class UnreadableError(Exception):
         super().__init__(found)
 
 
+def of_one(folder: str, gliders: set[str]) -> list[Finding]:
+    """Return a warning where the files of a mission are of more than one glider, by what their names say."""
+    if len(gliders) < 2:
+        return []
+    found = f"files of gliders named {', '.join(sorted(gliders))}"
+    remedy = "if these are not names of one vehicle, give each a folder of its own"
+    return [Finding("warning", folder, "", found, "one", remedy)]
+
+
 def gather(findings: Iterable[Finding]) -> list[Finding]:
     """Return `findings` with those that differ by their file alone made one, which names the first file."""
     groups: dict[Finding, list[str]] = {}

@@ -7,7 +7,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.findings import Finding, InputError
-from pipeline.mission import PitchCorrection
+from pipeline.ingest.pressures import unlike
+from pipeline.mission import Mission, PitchCorrection
 from pipeline.records import Quality, microseconds
 
 Array = npt.NDArray[np.float64]
@@ -71,6 +72,23 @@ def with_pitch_correction(table: pd.DataFrame, correction: PitchCorrection) -> t
     return table.assign(pitch=pitch), [note]
 
 
+def without_dives(table: pd.DataFrame, mission: Mission) -> list[Finding]:
+    """Return a warning about each configuration of mission.yaml that has dives which were not flown."""
+    last = int(table["dive"].max()) if len(table) else 0
+    return [
+        Finding(
+            "warning",
+            "mission.yaml",
+            f"configurations: {item.name}",
+            f"dives {item.dives[0]} to {item.dives[1]}",
+            f"dives from 1 to {last}",
+            "the configuration has no dive" if item.dives[0] > last else "it ends with the last",
+        )
+        for item in mission.configurations
+        if item.dives[1] > last
+    ]
+
+
 def selected(table: pd.DataFrame, dives: tuple[int, int] | None) -> tuple[pd.DataFrame, list[Finding]]:
     """Return the rows of the dives from the first to the last of `dives`, blocks numbered anew from 0.
 
@@ -120,6 +138,9 @@ def _owners(streams: list[pd.DataFrame], findings: list[Finding]) -> dict[str, i
         owner[name] = best
         for k in carriers:
             if k != best and counts[k] and not name.endswith("_qc"):
+                if name == "pressure" and (found := _unlike(streams, best, k)):
+                    findings.append(found)
+                    continue
                 findings.append(
                     Finding(
                         "note",
@@ -131,6 +152,22 @@ def _owners(streams: list[pd.DataFrame], findings: list[Finding]) -> dict[str, i
                     )
                 )
     return owner
+
+
+def _unlike(streams: list[pd.DataFrame], best: int, other: int) -> Finding | None:
+    """Return a warning where the pressure of stream `other`, which is not used, is not that of `best`."""
+    columns = [streams[k][name].to_numpy(dtype=np.float64) for k in (best, other) for name in ("time", "pressure")]
+    found = unlike(*columns)
+    if not found:
+        return None
+    ours, theirs = _name(streams[best], best), _name(streams[other], other)
+    remedy = (
+        "not used; its unit?"
+        if found.endswith("times the pressures")
+        else f"not used; if the clock of {theirs} is wrong, so are its other columns: give its timezone under files: "
+        "in mission.yaml, or clock_offset"
+    )
+    return Finding("warning", theirs, "pressure", f"{found} of {ours}", "the same", remedy)
 
 
 def _fixes(frame: pd.DataFrame) -> tuple[bool, int]:

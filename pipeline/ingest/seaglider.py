@@ -28,7 +28,7 @@ import pandas as pd
 from pipeline.findings import Finding, InputError, Severity
 from pipeline.geodesy import typical_latitude
 from pipeline.ingest import adcp, basestation, netcdf, seawater
-from pipeline.ingest.logs import Logs, UnreadableError, gather
+from pipeline.ingest.logs import Logs, UnreadableError, gather, of_one
 from pipeline.ingest.merge import covers
 from pipeline.ingest.table import SEAGLIDER
 from pipeline.mission import Mission
@@ -105,9 +105,9 @@ def read(mission: Mission) -> Logs:
     InputError
         If the netCDF packages are not installed, no file can be read, or none has pitch.
     """
-    findings: list[Finding] = []
     dives: list[_Dive] = []
     paths = _dives(mission.folder)
+    findings = of_one(mission.folder.name, {f"SG{path.name[1:4]}" for path in paths})
     if any(_NAME.fullmatch(path.name) for path in paths):
         netcdf.require()
     for path in paths:
@@ -419,10 +419,11 @@ def _equals(raw: npt.NDArray[Any], flag: int) -> npt.NDArray[np.bool_] | bool:
 
 
 def _joined(name: str, frames: Iterable[pd.DataFrame | None]) -> pd.DataFrame:
-    """Return `frames` one after the other, without rows that have no time and without what two dives both hold."""
+    """Return `frames` in the order of their times, without rows that have no time and what two dives both hold."""
     present = [frame for frame in frames if frame is not None and len(frame)]
     if not present:
         return pd.DataFrame({"time": []})
+    present.sort(key=lambda frame: float(np.nan_to_num(frame["time"].min())))
     joined = pd.concat(present, ignore_index=True)
     for column in joined.columns:
         if column.endswith("_qc"):

@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.findings import Finding, InputError
 from pipeline.geodesy import typical_latitude
 from pipeline.ingest import dinkum, seawater
-from pipeline.ingest.logs import Logs, UnreadableError, gather
+from pipeline.ingest.logs import Logs, UnreadableError, gather, of_one
 from pipeline.mission import Mission
 
 _NAME = re.compile(r"\.(?P<kind>[dsmnet])(?P<compressed>[bc])d$", re.IGNORECASE)
@@ -88,10 +88,7 @@ def read(mission: Mission) -> Logs:
             raise InputError(mission.folder.name, found="no Slocum file", expected=".dbd, .ebd, .sbd, .tbd …")
         raise _unreadable(mission, segments.findings)
     findings = list(segments.findings)
-    if len(segments.gliders) > 1:
-        named = f"files of gliders named {', '.join(sorted(segments.gliders))}"
-        remedy = "if these are not names of one vehicle, give each a folder of its own"
-        findings.append(Finding("warning", mission.folder.name, "", named, "one", remedy))
+    findings += of_one(mission.folder.name, segments.gliders)
     frames = _ordered(segments.flight)
     flight = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame({"time": []})
     if "m_pitch" not in flight or not flight["m_pitch"].notna().any():

@@ -39,6 +39,10 @@ _NAME = re.compile(
 )
 
 
+#: The glider that a SeaExplorer's file is of.
+SERIAL = re.compile(r"(sea\d{3})\.")
+
+
 def recognises(path: Path) -> bool:
     """Return whether `path` is a plain table by its name."""
     name = path.name.lower()
@@ -88,13 +92,14 @@ def read(mission: Mission) -> Logs:
         If mission.yaml names a file, a column or a unit that is not there, or the times of no file can be understood.
     """
     from pipeline.ingest import turns
-    from pipeline.ingest.logs import Logs, gather
+    from pipeline.ingest.logs import Logs, gather, of_one
     from pipeline.ingest.seawater import pressure_and_conductivity
 
     findings: list[Finding] = []
     if (mission.folder / TRUTH).is_file():
         findings.append(Finding("note", TRUTH, "", "the truth of a simulation", "", "not read: it is not a log"))
     tables = dict.fromkeys(files(mission.folder), Table()) | named(mission)
+    findings += of_one(mission.folder.name, {found[1] for path in tables if (found := SERIAL.match(path.name.lower()))})
     parts = [part for path, table in sorted(tables.items()) for part in _read_file(path, table, findings)]
     streams: list[pd.DataFrame] = []
     failures: list[InputError] = []
@@ -281,4 +286,5 @@ def _about(table: Table, sheet: Sheet) -> Table:
         if (entry if isinstance(entry, str) else entry.column) not in elsewhere
     }
     time = None if table.time is not None and table.time.column in elsewhere else table.time
-    return table.model_copy(update={"columns": columns, "time": time})
+    ignore = [name for name in table.ignore if name not in elsewhere]
+    return table.model_copy(update={"columns": columns, "time": time, "ignore": ignore})

@@ -64,6 +64,15 @@ def _compared(part: Mapping[str, Any]) -> str:
         as_set = _speed(held, part["held_speed_std_m_s"])
         predicts = f"predicts {as_set} m/s, as flown {_speed(flown, flown_std)}"
     measured = _speed(part["measured_speed_m_s"], part["measured_speed_std_m_s"])
+    lacking = part["blocks_without_theory"]
+    seen = lacking + len(part["measured_blocks"])
+    if 2 * lacking >= seen:
+        return (
+            f"{part['name'].capitalize()}: measured {measured} m/s; theory with the measured pitch held has no steady "
+            f"flight in {lacking} of {seen} blocks, with the net buoyancy and the pitch they had."
+        )
+    if lacking:
+        verdict += f"; it has no steady flight in {lacking} of {seen} blocks, which are left out"
     words = (
         f"{part['name'].capitalize()}: measured {measured} m/s; theory with the measured pitch held {predicts}, "
         f"{verdict}"

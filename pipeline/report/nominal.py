@@ -155,6 +155,7 @@ def measured(
     pitches = floats(own, "pitch")
     out: dict[str, Any] = {
         "blocks": len(own),
+        "blocks_without_theory": 0,
         "measured_blocks": [],
         "measured_pitch_deg": math.degrees(float(np.nanmean(pitches))) if np.isfinite(pitches).any() else math.nan,
         "measured_speed_m_s": math.nan,
@@ -183,6 +184,7 @@ def measured(
             "measured_speed_m_s": mean["measured"],
             "measured_speed_std_m_s": mean["measured_std"],
             "measured_blocks": rows["block"].tolist(),
+            "blocks_without_theory": int(np.isfinite(floats(own, "speed")).sum()) - len(rows),
             "measured_from": f"kinematic estimate, {len(rows)} steady blocks by 1/u_val²",
         }
     return out | {"measured_reason": _why_not(flown, own)}

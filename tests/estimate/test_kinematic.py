@@ -1,5 +1,6 @@
 """The kinematic estimator: against simulated truth, its symmetries, what it must not know, and real sensors."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -299,7 +300,7 @@ def test_what_v_follows_of_the_pitch_under_power_is_within_what_is_taken() -> No
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> None:
-    """A dive that flattens, a climb that steepens: half of a glide's change of V, with its 1-sigma."""
+    """A dive that flattens, a climb that steepens: half of a glide's change of V, late by ℓ/2V, with its 1-sigma."""
     time, polar = np.arange(0.0, 40.0, 4.0), load("petrel-ii").polar
     pitch = side * np.linspace(0.6, 0.62, time.size)
     at = Trajectory(np.full(time.size, 0.5), pitch, np.zeros(time.size), np.zeros(time.size))
@@ -310,7 +311,11 @@ def test_only_under_power_is_it_open_how_v_follows_the_pitch(side: float) -> Non
         for series in (replace(still, powered=np.full(time.size, on)) for on in (False, True))
     )
     assert not gliding.shift[:, :, 2].any()
-    gained = 0.5 * np.diff(pitch) / np.tan(pitch[:-1])
+    late, steps = pitch[0], []
+    for ahead in pitch[1:]:
+        steps.append((ahead - late) * (1.0 - math.exp(-4.0 * 2.0 * 0.5 / 11.5)))
+        late += steps[-1]
+    gained = 0.5 * np.array(steps) / np.tan(pitch[:-1])
     assert gained.min() > 0.0
     np.testing.assert_allclose(driven.rows[:-1, 1, SPEED] - 1.0, FOLLOWED[0] * gained, rtol=1e-9)
     np.testing.assert_allclose(driven.shift[:-1, 1, 2], 0.5 * FOLLOWED[1] * gained, rtol=1e-9)

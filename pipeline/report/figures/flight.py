@@ -170,17 +170,18 @@ def _words(
             " Brown: theory with the parameters adjusted to this mission (the force estimate), which borrows net "
             "buoyancy, thrust and all coefficients."
         )
+    logged = " and ".join(panel for panel in ("engine", "propeller") if panel in panels)
+    engines = f", with the {logged} as logged" if logged else ""
     orange = ""
     if by_theory:
         orange = " Orange: theory of each steady block as in the vehicle file, with the measured pitch held."
     return (
         f"{', '.join(WORDS.get(panel, panel) for panel in panels)} against time for {shown}; the speed is not "
         f"observable by the kinematic estimate in {100 * share:.0f} % of the samples.",
-        f"Measured (blue) against time (as SVG, PNG and in print {shown}): depth, pitch and engines as logged; speed, "
-        "angle of attack and vertical velocity of the water by the kinematic estimate, which borrows the ratio of lift "
-        "to drag alone."
-        f"{adjusted} Bands are 2σ.{orange} Hatched: the data do not determine the speed there, so the kinematic "
-        "estimate gives none.",
+        "Measured (blue) against time: depth and pitch as logged; speed, angle of attack and vertical velocity of the "
+        "water by the kinematic estimate, which borrows the ratio of lift to drag alone."
+        f"{adjusted} Bands are 2σ.{orange} As SVG, PNG and in print {shown}{engines}; hatched where the data do not "
+        "determine the speed, so that the kinematic estimate gives none.",
     )
 
 

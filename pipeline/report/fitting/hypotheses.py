@@ -39,6 +39,8 @@ BLIND = 100.0
 SCATTERS = ("depth rates", BatteryPositions.name)
 #: Least number of blocks.
 LEAST = 3
+#: Scatter over that assumed beyond which no reason is told: it would hide in an error that has none of them.
+UNEXPLAINED = 3.0
 #: At most so many parts are left out in turn, each of whole dives.
 FOLDS = 5
 
@@ -78,6 +80,12 @@ def rank(
     known = stated(problem)
     possible = {cause: _spread(cause, problem) for cause in causes if not _untestable(cause, problem)}
     problem = _widened(problem, known, possible)
+    beyond = max(problem.std_factors.values(), default=1.0)
+    if beyond > UNEXPLAINED:
+        return _refusal(
+            f"even all reasons at once leave {beyond:.0f} times the scatter between blocks that was assumed; look for "
+            "a wrong number in the vehicle file or in mission.yaml"
+        )
     none = posterior(problem, known)
     tried = []
     for cause, spread in possible.items():
