@@ -16,8 +16,13 @@ from pipeline.estimate.legs import flown
 from pipeline.estimate.part import Part
 from pipeline.estimate.preparation import Prepared
 from pipeline.estimate.sensors import Scale
+from pipeline.estimate.settings import Settings
 from pipeline.estimate.together import together
 from pipeline.findings import Finding
+
+#: The two estimates disagree where the water of one moves by so many times as much as the other's, whose error of net
+#: buoyancy is as many times what is usual.
+DISAGREEING = 3.0
 
 
 def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], list[Finding]]:
@@ -73,6 +78,8 @@ def account(parts: Sequence[Part], prepared: Prepared) -> tuple[dict[str, Any], 
             "settings": adjusted.noise.settings._asdict(),
         }
     findings = list(prepared.findings)
+    if adjusted is not None:
+        findings += as_buoyancy(model.noise.settings, adjusted.noise.settings)
     if not any(part.engine for part in parts):
         findings.append(NO_ENGINE)
     for finding in (item for part in parts for item in part.findings):
@@ -136,6 +143,27 @@ def _scale(found: Sequence[Scale | None], before: float) -> Entry:
     if whole is None or len(found) == 1:
         return speed_scale(found[0], before)
     return speed_scale(Scale(whole.value, whole.std), before) | {"parts": whole.account}
+
+
+def as_buoyancy(kinematic: Settings, force: Settings) -> list[Finding]:
+    """Return a warning where the force estimate may take waves in the water for an error of net buoyancy.
+
+    Waves that last for as long as an error of net buoyancy may do, and lift the isopycnals along, look like one to it;
+    the kinematic estimate, which knows no buoyancy, finds them in the water.
+    """
+    if kinematic.sigma_w < DISAGREEING * force.sigma_w or force.load < DISAGREEING * Settings().load:
+        return []
+    return [
+        Finding(
+            "warning",
+            "force estimate",
+            "",
+            f"an error of net buoyancy that comes and goes by {force.load:.2f} N, and water that moves by "
+            f"{100.0 * force.sigma_w:.1f} cm/s",
+            f"water that moves by {100.0 * kinematic.sigma_w:.1f} cm/s, as the kinematic estimate has it",
+            "it may take waves for buoyancy, with intervals that are too narrow; those of the kinematic estimate hold",
+        )
+    ]
 
 
 def nothing() -> dict[str, Any]:

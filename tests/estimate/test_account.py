@@ -8,7 +8,9 @@ import pytest
 from dives import Flown
 
 from pipeline.estimate import stage
+from pipeline.estimate.account import as_buoyancy
 from pipeline.estimate.preparation import METHODS
+from pipeline.estimate.settings import Settings
 from pipeline.estimate.stage import Estimated, estimate
 from pipeline.records import ESTIMATES, of_method
 
@@ -78,3 +80,15 @@ def test_counts_of_parts_add_up_to_those_of_the_whole(
             assert gap.max() < 1.0, (method, name)
         told = result.report if method == "kinematic" else result.report["force"]
         assert sum(told["reasons"].values()) == (~parts["observable"]).sum()
+
+
+def test_waves_that_the_force_estimate_may_take_for_buoyancy_are_told() -> None:
+    calm, moving = Settings(sigma_w=0.005, load=0.6), Settings(sigma_w=0.03)
+    (told,) = as_buoyancy(moving, calm)
+    assert str(told) == (
+        "force estimate: found an error of net buoyancy that comes and goes by 0.60 N, and water that moves by "
+        "0.5 cm/s; expected water that moves by 3.0 cm/s, as the kinematic estimate has it; it may take waves for "
+        "buoyancy, with intervals that are too narrow; those of the kinematic estimate hold"
+    )
+    assert as_buoyancy(moving, calm._replace(load=0.1)) == []
+    assert as_buoyancy(moving, calm._replace(sigma_w=0.02)) == []

@@ -88,7 +88,8 @@ def _nothing(judged: Judged, what: str) -> str:
     else:
         words = f"{needed}: {cover} difference."
     if judged.hinted:
-        names = _listed([one.cause.words for one in judged.hinted], "or")
+        values = {row["name"]: f" ({in_words(row['parameters'][0])})" for row in judged.rows if row["parameters"]}
+        names = _listed([one.cause.words + values.get(one.cause.name, "") for one in judged.hinted], "or")
         words += f" {names} is hinted at, too weakly to be told from nothing."
     covered, unseen = (
         [one.cause.words for one in group if one not in judged.hinted] for group in (judged.covered, judged.unseen)

@@ -211,7 +211,9 @@ def test_what_is_hinted_at_is_neither_named_nor_excluded(sure):
     for found in hinted:
         assert not found["named"]
         assert not found["told_apart"]
-        assert "is hinted at, too weakly to be told from nothing" in found["verdict"]
+        assert "hinted at, too weakly to be told from nothing" in found["verdict"]
+        row = next(row for row in found["rows"] if row["name"] == found["hinted"][0])
+        assert f"{row['words']} ({in_words(row['parameters'][0])})" in found["verdict"]
 
 
 def test_more_dives_show_smaller_changes(sure):
@@ -324,3 +326,12 @@ def test_a_cause_that_is_hinted_at_is_not_called_unseen_in_the_same_breath():
     assert "A bias of pitch of ordinary size would not be seen in these data; more would tell." in verdict
     assert verdict.count("otion of the water") == 1
     assert no_reason(0.5, ("water motion",), ("water motion",)).endswith("To be told from nothing: more would tell.")
+
+
+def test_where_all_reasons_at_once_explain_nothing_none_is_ranked(sure: Vehicle) -> None:
+    table = telling()
+    wild = table.assign(depth_rate=table["depth_rate"] * np.where(np.arange(len(table)) % 3 == 0, 3.0, 0.3))
+    found = ranked(sure, wild)
+    assert found["rows"] == []
+    assert found["verdict"].startswith("What may be wrong cannot be ranked: even all reasons at once leave ")
+    assert "a wrong number in the vehicle file or in mission.yaml" in found["verdict"]
