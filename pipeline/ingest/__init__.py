@@ -119,21 +119,6 @@ def _read(mission: Mission, form: str) -> Logs:
     return logs
 
 
-def _of_another(mission: Mission, form: str) -> list[Finding]:
-    """Return a warning where the files are those of one make of glider and the vehicle of the package is of another."""
-    makes = ("slocum", "seaglider", "seaexplorer", "spray")
-    make = next((make for make in makes if mission.vehicle.startswith(make)), "")
-    logged = form if form in makes else ""
-    if form == "table" and any(_reader(form).SERIAL.match(path.name.lower()) for path in _present(mission)):
-        logged = "seaexplorer"
-    if not make or not logged or make == logged or mission.vehicle.endswith((".yaml", ".yml")):
-        return []
-    found, expected = f"'{mission.vehicle}' and files of a {logged}", f"a {logged}"
-    return [
-        Finding("warning", "mission.yaml", "vehicle", found, expected, "its lift, drag and mass are those of another")
-    ]
-
-
 def input_files(mission: Mission) -> list[Path]:
     """Return every file that the stage reads, mission.yaml first: what a change is recognised by.
 
@@ -171,7 +156,7 @@ def ingest(mission: Mission) -> Ingested:
 
     form = recognise(mission)
     logs = _read(mission, form)
-    findings = [*_left_out(mission, form), *_of_another(mission, form), *logs.findings]
+    findings = [*_left_out(mission, form), *logs.findings]
     streams = []
     for k, frame in enumerate(logs.streams):
         frame.attrs.setdefault("name", _label(frame, k))
@@ -213,7 +198,6 @@ def ingest(mission: Mission) -> Ingested:
         table, doubts = plausibility.with_engine_checked(table, _source(streams, "buoyancy_volume"))
         findings += doubts
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
-    findings += merge.without_dives(table, mission)
     table, notes = merge.selected(table, mission.dives)
     findings += notes
     if not (table["block"] >= 0).any():

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.findings import Finding, InputError
 from pipeline.ingest.pressures import unlike
-from pipeline.mission import Mission, PitchCorrection
+from pipeline.mission import PitchCorrection
 from pipeline.records import Quality, microseconds
 
 Array = npt.NDArray[np.float64]
@@ -70,23 +70,6 @@ def with_pitch_correction(table: pd.DataFrame, correction: PitchCorrection) -> t
         "note", "mission.yaml", "pitch", f"pitch = {correction.scale:g} · logged {correction.offset_rad:+g} rad"
     )
     return table.assign(pitch=pitch), [note]
-
-
-def without_dives(table: pd.DataFrame, mission: Mission) -> list[Finding]:
-    """Return a warning about each configuration of mission.yaml that has dives which were not flown."""
-    last = int(table["dive"].max()) if len(table) else 0
-    return [
-        Finding(
-            "warning",
-            "mission.yaml",
-            f"configurations: {item.name}",
-            f"dives {item.dives[0]} to {item.dives[1]}",
-            f"dives from 1 to {last}",
-            "the configuration has no dive" if item.dives[0] > last else "it ends with the last",
-        )
-        for item in mission.configurations
-        if item.dives[1] > last
-    ]
 
 
 def selected(table: pd.DataFrame, dives: tuple[int, int] | None) -> tuple[pd.DataFrame, list[Finding]]:

@@ -40,7 +40,7 @@ _NAME = re.compile(
 
 
 #: The glider that a SeaExplorer's file is of.
-SERIAL = re.compile(r"(sea\d{3})\.")
+_SERIAL = re.compile(r"(sea\d{3})\.")
 
 
 def recognises(path: Path) -> bool:
@@ -99,7 +99,9 @@ def read(mission: Mission) -> Logs:
     if (mission.folder / TRUTH).is_file():
         findings.append(Finding("note", TRUTH, "", "the truth of a simulation", "", "not read: it is not a log"))
     tables = dict.fromkeys(files(mission.folder), Table()) | named(mission)
-    findings += of_one(mission.folder.name, {found[1] for path in tables if (found := SERIAL.match(path.name.lower()))})
+    findings += of_one(
+        mission.folder.name, {found[1] for path in tables if (found := _SERIAL.match(path.name.lower()))}
+    )
     parts = [part for path, table in sorted(tables.items()) for part in _read_file(path, table, findings)]
     streams: list[pd.DataFrame] = []
     failures: list[InputError] = []

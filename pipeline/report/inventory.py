@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.findings import Finding
 from pipeline.records import seconds, timestamps
 from pipeline.report import og1
 from pipeline.report.compare import DIRECTIONS, floats
@@ -17,6 +19,10 @@ from pipeline.vehicle import KNOWN, Vehicle
 if TYPE_CHECKING:
     from pipeline.report import Inputs
     from pipeline.table import Columns
+
+#: Makes of gliders whose files, and whose vehicle files, are known by their names.
+MAKES = ("slocum", "seaglider", "seaexplorer", "spray")
+_SERIAL = re.compile(r"sea\d{3}\.")
 
 
 def coefficients(vehicle: Vehicle) -> dict[str, Any]:
@@ -105,10 +111,44 @@ def findings(inputs: Inputs) -> list[dict[str, str]]:
         for stage, report in (("ingest", inputs.ingest), ("estimate", inputs.estimate))
         for finding in report.get("findings", [])
     ]
+    listed += [{"stage": "report", **finding.as_dict()} for finding in (*_of_another(inputs), *_without_dives(inputs))]
     unwritten = og1.missing()
     if unwritten is not None:
         listed.append({"stage": "report", **unwritten.as_dict()})
     return sorted(listed, key=lambda row: rank.get(row.get("severity", ""), 3))
+
+
+def _of_another(inputs: Inputs) -> list[Finding]:
+    """Return a warning where the logs are those of one make of glider and the vehicle, by its name, is of another."""
+    make = next((make for make in MAKES if inputs.vehicle.name.startswith(make)), "")
+    stages: Mapping[str, Any] = inputs.provenance.get("stages") or {}
+    read: Mapping[str, Any] = (stages.get("ingest") or {}).get("inputs") or {}
+    logged = inputs.ingest.get("format", "")
+    if any(_SERIAL.match(name.lower()) for name in read):
+        logged = "seaexplorer"
+    if not make or logged not in MAKES or make == logged:
+        return []
+    found, expected = f"'{inputs.vehicle.name}' and files of a {logged}", f"a {logged}"
+    return [
+        Finding("warning", "mission.yaml", "vehicle", found, expected, "its lift, drag and mass are those of another")
+    ]
+
+
+def _without_dives(inputs: Inputs) -> list[Finding]:
+    """Return a warning about each configuration of mission.yaml that has dives which were not flown."""
+    last = int(np.nanmax(floats(inputs.records, "dive"), initial=0.0))
+    return [
+        Finding(
+            "warning",
+            "mission.yaml",
+            f"configurations: {item.name}",
+            f"dives {item.dives[0]} to {item.dives[1]}",
+            f"dives from 1 to {last}",
+            "the configuration has no dive" if item.dives[0] > last else "it ends with the last",
+        )
+        for item in inputs.mission.configurations
+        if item.dives[1] > last
+    ]
 
 
 def provenance(provenance: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,9 +15,8 @@ import pytest
 
 from pipeline import ingest
 from pipeline.findings import InputError
-from pipeline.ingest import merge
 from pipeline.ingest.logs import of_one
-from pipeline.mission import Configuration, Mission, Table, load
+from pipeline.mission import Mission, Table, load
 from pipeline.records import RECORDS, Phase, Quality, seconds
 
 Fly = Callable[..., object]
@@ -348,24 +347,6 @@ def test_a_reversed_pitch_comes_right_by_itself_or_by_the_line_that_is_told(
     about = [str(finding) for finding in found.findings if words in str(finding)]
     assert len(about) == 1
     assert len([finding for finding in found.findings if "on the way down" in finding.found]) == (0 if yaml else 1)
-
-
-def test_files_of_another_make_than_the_vehicle_are_told(mission: Mission) -> None:
-    (mission.folder / "ctd.csv").rename(mission.folder / "sea063.1.pld1.sub.1.csv")
-    for vehicle, told in (("slocum-g2", 1), ("seaexplorer", 0), ("petrel-ii", 0), ("mine.yaml", 0)):
-        other = mission.model_copy(update={"vehicle": vehicle})
-        found = [str(finding) for finding in ingest._of_another(other, "table")]
-        assert len(found) == told
-        assert all("'slocum-g2' and files of a seaexplorer" in line for line in found)
-
-
-def test_dives_of_a_configuration_that_were_not_flown_are_told(mission: Mission) -> None:
-    configurations = [Configuration(name="bare", dives=(1, 1)), Configuration(name="probe", dives=(2, 90))]
-    table = pd.DataFrame({"dive": [0, 1, 2, 3]})
-    other = mission.model_copy(update={"configurations": configurations})
-    assert [str(finding) for finding in merge.without_dives(table, other)] == [
-        "mission.yaml: configurations: probe: found dives 2 to 90; expected dives from 1 to 3; it ends with the last"
-    ]
 
 
 def test_a_column_to_ignore_that_is_not_there_is_told(mission: Mission) -> None:
