@@ -141,16 +141,16 @@ def _unlike(streams: list[pd.DataFrame], best: int, other: int) -> Finding | Non
     """Return a warning where the pressure of stream `other`, which is not used, is not that of `best`."""
     columns = [streams[k][name].to_numpy(dtype=np.float64) for k in (best, other) for name in ("time", "pressure")]
     found = unlike(*columns)
-    if not found:
+    if found is None:
         return None
     ours, theirs = _name(streams[best], best), _name(streams[other], other)
     remedy = (
         "not used; its unit?"
-        if found.endswith("times the pressures")
+        if found.by_unit
         else f"not used; if the clock of {theirs} is wrong, so are its other columns: give its timezone under files: "
         "in mission.yaml, or clock_offset"
     )
-    return Finding("warning", theirs, "pressure", f"{found} of {ours}", "the same", remedy)
+    return Finding("warning", theirs, "pressure", f"{found.found} of {ours}", "the same", remedy)
 
 
 def _fixes(frame: pd.DataFrame) -> tuple[bool, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,8 +23,15 @@ _AROUND = 60
 _GRID, _STEP = 20_000, 10.0
 
 
-def unlike(time: Array, pressure: Array, other_time: Array, other: Array) -> str:
-    """Return what is unlike in another record of the pressure, "" where the two agree or nothing can be said.
+class Unlike(NamedTuple):
+    """What is unlike in another record, in words, and whether a unit may be why, not a clock."""
+
+    found: str
+    by_unit: bool = False
+
+
+def unlike(time: Array, pressure: Array, other_time: Array, other: Array) -> Unlike | None:
+    """Return what is unlike in another record of the pressure, None where the two agree or nothing can be said.
 
     Parameters
     ----------
@@ -33,21 +42,21 @@ def unlike(time: Array, pressure: Array, other_time: Array, other: Array) -> str
     """
     (t, p), (s, q) = _known(time, pressure), _known(other_time, other)
     if min(t.size, s.size) < _LEAST or max(np.ptp(p), np.ptp(q)) < _RANGE:
-        return ""
+        return None
     after = np.clip(np.searchsorted(t, s), 1, t.size - 1)
     near = np.minimum(np.abs(s - t[after - 1]), np.abs(t[after] - s)) <= _NEAR
     ours, theirs = np.interp(s, t, p)[near], q[near]
     apart = float(np.median(np.abs(theirs - ours))) if near.any() else np.inf
     if near.sum() >= _LEAST and apart <= max(_ALIKE, _SHARE * float(np.ptp(p))):
-        return ""
+        return None
     if near.sum() >= _LEAST and np.ptp(ours) > 0.0 and np.ptp(theirs) > 0.0:
         factor = float(theirs @ ours / (ours @ ours))
         if np.corrcoef(ours, theirs)[0, 1] > _SAME and abs(factor - 1.0) > _SHARE:
-            return f"{factor:.3g} times the pressures"
+            return Unlike(f"{factor:.3g} times the pressures", by_unit=True)
     lag = _lag(t, p, s, q)
     if lag:
-        return f"the pressures, {abs(lag):.0f} s {'later' if lag > 0 else 'earlier'},"
-    return f"pressures that are typically {apart:.0f} dbar off those" if near.sum() >= _LEAST else ""
+        return Unlike(f"the pressures, {abs(lag):.0f} s {'later' if lag > 0 else 'earlier'},")
+    return Unlike(f"pressures that are typically {apart:.0f} dbar off those") if near.sum() >= _LEAST else None
 
 
 def _known(time: Array, pressure: Array) -> tuple[Array, Array]:
