@@ -80,7 +80,9 @@ def plan(raw: Path, processed: Path, reports: Path, engine: Engine = "numba") ->
         If `raw` is no folder, or holds no mission.
     """
     if not raw.is_dir():
-        raise InputError(str(raw), found="no such folder", expected="a folder of missions")
+        raise InputError(
+            str(raw), found="a file" if raw.exists() else "no such folder", expected="a folder of missions"
+        )
     found, empty, strangers = _folders(raw)
     if not found:
         raise InputError(

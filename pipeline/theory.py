@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from pipeline.vehicle import Vehicle
 
 Row = dict[str, float | bool | str | None]
+#: What may be asked for: least, most, and the unit in which it is typed.
+RANGES = {
+    "net buoyancy": (-1e4, 1e4, "N"),
+    "alpha": (-28.6, 28.6, "degrees"),
+    "pitch": (-90.0, 90.0, "degrees"),
+    "battery position": (-1.0, 1.0, "m"),
+    "rpm": (0.0, 1e4, "rev/min"),
+    "thrust": (0.0, 1e4, "N"),
+    "density": (950.0, 1150.0, "kg/m3, in situ"),
+}
 
 
 def steady_rows(
@@ -47,8 +57,10 @@ def steady_rows(
     Raises
     ------
     ValueError
-        As for `steady_state`; if there is neither an angle of attack nor the moments that give the paper's own.
+        As for `steady_state`; if there is neither an angle of attack nor the moments that give the paper's own; if an
+        input is none that a glider can have (`RANGES`).
     """
+    _refuse({"net buoyancy": net_buoyancy, "alpha": alpha_deg}, rpm, thrust, density)
     held = np.deg2rad(alpha_deg) if alpha_deg else np.array([-vehicle["moment_at_zero"] / vehicle["moment_slope"]])
     if np.isnan(held).any():
         raise ValueError(f"'{vehicle.name}' has no pitching moments, so no α_e = -K_M0/K_M; give --alpha")
@@ -80,8 +92,10 @@ def trim_rows(
     Raises
     ------
     ValueError
-        If not exactly one of pitch and battery position is given, or thrust with a battery position.
+        If not exactly one of pitch and battery position is given, or thrust with a battery position; if an input is
+        none that a glider can have (`RANGES`).
     """
+    _refuse({"net buoyancy": net_buoyancy, "pitch": pitch_deg, "battery position": battery}, rpm, thrust, density)
     if bool(pitch_deg) == bool(battery):
         raise ValueError("give a pitch or a battery position")
     if pitch_deg:
@@ -95,6 +109,17 @@ def trim_rows(
         vehicle, force, battery_position=position, propeller_speed=_per_second(rpm), density=density
     )
     return _rows(force, flight)
+
+
+def _refuse(lists: dict[str, Sequence[float]], rpm: float | None, thrust: float | None, density: float | None) -> None:
+    """Refuse, in the unit in which it was typed, an input outside its range."""
+    single = {"rpm": rpm, "thrust": thrust, "density": density}
+    given = lists | {name: [value] for name, value in single.items() if value is not None}
+    for name, values in given.items():
+        low, high, unit = RANGES[name]
+        for value in values:
+            if not low <= value <= high:
+                raise ValueError(f"{name}: found {value:g}; expected {low:g} to {high:g} {unit}")
 
 
 def _pairs(first: Sequence[float], second: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -100,6 +100,12 @@ class TestWrongUsageIsTwo:
         assert seatrial(command, cwd=tmp_path) == (2, "", line)
 
     @pytest.mark.parametrize("command", ["run", "check"])
+    def test_a_file_in_place_of_the_folder(self, tmp_path: Path, command: str) -> None:
+        (tmp_path / "log.csv").touch()
+        line = "log.csv: found a file; expected a folder of missions\n"
+        assert seatrial(command, "log.csv", cwd=tmp_path) == (2, "", line)
+
+    @pytest.mark.parametrize("command", ["run", "check"])
     def test_an_empty_folder(self, tmp_path: Path, command: str) -> None:
         (tmp_path / "raw").mkdir()
         line = (
@@ -156,6 +162,25 @@ class TestWrongUsageIsTwo:
         code, out, err = seatrial("steady", "--net-buoyancy", "-2", "--vehicle", "slocum-g2")
         assert (code, out) == (2, "")
         assert "'slocum-g2' has no pitching moments, so no α_e = -K_M0/K_M; give --alpha" in " ".join(err.split())
+
+    @pytest.mark.parametrize(
+        ("command", "option", "value", "line"),
+        [
+            ("steady", "--density", "1.025", "density: found 1.025; expected 950 to 1150 kg/m3, in situ"),
+            ("steady", "--rpm", "-3", "rpm: found -3; expected 0 to 10000 rev/min"),
+            ("steady", "--thrust", "nan", "thrust: found nan; expected 0 to 10000 N"),
+            ("steady", "--net-buoyancy", "nan", "net buoyancy: found nan; expected -10000 to 10000 N"),
+            ("steady", "--alpha", "95", "alpha: found 95; expected -28.6 to 28.6 degrees"),
+            ("trim", "--pitch", "100", "pitch: found 100; expected -90 to 90 degrees"),
+            ("trim", "--battery", "-40", "battery position: found -40; expected -1 to 1 m"),
+        ],
+    )
+    def test_what_no_glider_can_have_is_refused_in_the_unit_it_was_typed_in(
+        self, command: str, option: str, value: str, line: str
+    ) -> None:
+        code, out, error = seatrial(command, "--net-buoyancy", "2", option, value)
+        assert (code, out) == (2, "")
+        assert line in " ".join(error.split())
 
     def test_an_unknown_trial_names_the_nearest(self, tmp_path: Path) -> None:
         code, _, error = seatrial("simulate", "petrel2-scs-2016", str(tmp_path / "out"))

@@ -200,6 +200,7 @@ def ingest(mission: Mission) -> Ingested:
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
     table, notes = merge.selected(table, mission.dives)
     findings += notes
+    findings += clock.pausing(table["time"].to_numpy(dtype=np.float64))
     if not (table["block"] >= 0).any():
         findings.append(
             Finding(

@@ -18,6 +18,8 @@ Mask = npt.NDArray[np.bool_]
 EARLIEST, LATEST = (pd.Timestamp(day, tz="UTC").timestamp() for day in ("1990-01-01", "2100-01-01"))
 #: Records in order that are a stretch of a table, not a handful of garbage.
 _STRETCH = 25
+#: A pause in the records of one mission is shorter, s; and a day, s.
+LONGEST_PAUSE, DAY = 10 * 86_400.0, 86_400.0
 #: What the CTD measures, and the pressure lent to one without a sensor of its own.
 _OF_CTD = ("pressure", "pressure_interpolated", "temperature", "conductivity")
 
@@ -141,6 +143,25 @@ def overlapping(streams: list[pd.DataFrame]) -> list[Finding]:
                 )
             )
     return findings
+
+
+def pausing(time: Array) -> list[Finding]:
+    """Return a warning where the records of a mission, `time` in s and sorted, pause for so long that it may be two."""
+    if time.size < 2:
+        return []
+    pauses = np.diff(time)
+    k = int(np.argmax(pauses))
+    if pauses[k] < LONGEST_PAUSE:
+        return []
+    more = int((pauses >= LONGEST_PAUSE).sum()) - 1
+    found = f"no records for {pauses[k] / DAY:.0f} days from {_readable(time[k])} to {_readable(time[k + 1])}" + (
+        f", and {more} more such pause{'s' if more > 1 else ''}" if more else ""
+    )
+    remedy = (
+        "ballast, drag and clocks are taken to be the same throughout: if these are two missions, give each a folder "
+        "of its own"
+    )
+    return [Finding("warning", "mission", "time", found, "one mission", remedy)]
 
 
 def _span(frame: pd.DataFrame, name: str) -> tuple[str, float, float] | None:

@@ -106,6 +106,11 @@ def correct(
     )
 
 
+def made_by(mission: str) -> str:
+    """Return how the source of a coefficient begins that the mission of this name has corrected."""
+    return f"mission {mission},"
+
+
 def of_mission(inputs: Inputs) -> Corrected:
     """Return the vehicle of a mission as the mission has corrected it."""
     ballast = inputs.estimate.get("ballast")
@@ -149,7 +154,7 @@ def _changed(vehicle: Vehicle, name: str, changes: list[Change], correlation: Ma
     for change in new:
         was = vehicle.coefficients[change.name].source if change.name in vehicle.coefficients else "default"
         before = f"before {change.before:g} ± {change.std_before:g} ({was})"
-        source = f"mission {name}, adjusted to its depth rate, {change.why}; {before}"
+        source = f"{made_by(name)} adjusted to its depth rate, {change.why}; {before}"
         coefficients[change.name] = Coefficient(change.value, change.std, KNOWN[change.name].unit, source)
     touched = {change.name for change in new}
     kept = {pair: value for pair, value in vehicle.correlations.items() if not touched & set(pair)}

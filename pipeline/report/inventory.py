@@ -14,6 +14,7 @@ from pipeline.findings import Finding
 from pipeline.records import seconds, timestamps
 from pipeline.report import og1
 from pipeline.report.compare import DIRECTIONS, floats
+from pipeline.report.corrected import made_by
 from pipeline.vehicle import KNOWN, Vehicle
 
 if TYPE_CHECKING:
@@ -111,7 +112,8 @@ def findings(inputs: Inputs) -> list[dict[str, str]]:
         for stage, report in (("ingest", inputs.ingest), ("estimate", inputs.estimate))
         for finding in report.get("findings", [])
     ]
-    listed += [{"stage": "report", **finding.as_dict()} for finding in (*_of_another(inputs), *_without_dives(inputs))]
+    own = (*_of_another(inputs), *_of_itself(inputs), *_without_dives(inputs))
+    listed += [{"stage": "report", **finding.as_dict()} for finding in own]
     unwritten = og1.missing()
     if unwritten is not None:
         listed.append({"stage": "report", **unwritten.as_dict()})
@@ -132,6 +134,17 @@ def _of_another(inputs: Inputs) -> list[Finding]:
     return [
         Finding("warning", "mission.yaml", "vehicle", found, expected, "its lift, drag and mass are those of another")
     ]
+
+
+def _of_itself(inputs: Inputs) -> list[Finding]:
+    """Return a warning where the vehicle has coefficients that were fitted to this very mission."""
+    coefficients = inputs.vehicle.coefficients
+    fitted = [name for name, item in coefficients.items() if made_by(inputs.mission.slug) in item.source]
+    if not fitted:
+        return []
+    found, expected = f"{', '.join(fitted)} fitted to this mission", "what was known before it"
+    remedy = "theory is compared with what it was fitted to, and every 1σ is too small: name it for other missions"
+    return [Finding("warning", "mission.yaml", "vehicle", found, expected, remedy)]
 
 
 def _without_dives(inputs: Inputs) -> list[Finding]:

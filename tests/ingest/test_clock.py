@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.findings import InputError
-from pipeline.ingest.clock import cleaned, longest_increase, overlapping, shifted
+from pipeline.ingest.clock import cleaned, longest_increase, overlapping, pausing, shifted
 
 START = 1.5e9
 
@@ -172,3 +172,15 @@ def test_an_instrument_that_reports_mostly_while_pressure_does_not_is_doubted() 
         "reports; expected records of the same time; the rest cannot be analysed; if its clock is in another zone or "
         "unit, say so under files: in mission.yaml"
     ]
+
+
+def test_a_pause_of_weeks_may_be_two_missions() -> None:
+    day = 86400.0
+    assert pausing(np.array([])) == pausing(np.array([START])) == pausing(START + np.array([0.0, 9.9 * day])) == []
+    (finding,) = pausing(START + day * np.array([0.0, 12.0, 50.0, 50.1]))
+    assert str(finding) == (
+        "mission: time: found no records for 38 days from 2017-07-26T02:40:00Z to 2017-09-02T02:40:00Z, and 1 more "
+        "such pause; expected one mission; ballast, drag and clocks are taken to be the same throughout: if these are two "
+        "missions, give each a folder of its own"
+    )
+    assert finding.severity == "warning"

@@ -5,8 +5,14 @@ from dataclasses import replace
 from synthetic import blocks, inputs
 
 from pipeline.mission import Configuration
+from pipeline.report.corrected import correct
 from pipeline.report.inventory import findings
 from pipeline.vehicle import load
+
+#: As the adjustment of the force model reports it.
+PARASITE = {
+    "parasite_drag": {"value": 0.2, "before": 0.0, "std": 0.02, "std_before": 0.1, "verdict": "determined"},
+}  # fmt: skip
 
 
 def told(given) -> list[str]:
@@ -41,3 +47,19 @@ def test_dives_of_a_configuration_that_were_not_flown_are_told(mission, petrel):
         "configurations: late: dives 91 to 95; the configuration has no dive",
     ]
     assert any(row["expected"] == f"dives from 1 to {last}" for row in findings(given))
+
+
+def test_a_vehicle_that_this_mission_has_corrected_is_told(mission, petrel):
+    def given(source: str):
+        drag = replace(petrel.coefficients["parasite_drag"], source=source)
+        return inputs(mission, replace(petrel, coefficients={**petrel.coefficients, "parasite_drag": drag}), blocks())
+
+    force = {"parameters": PARASITE, "converged": True}
+    again = correct(petrel, mission, {"force": force}).vehicle.coefficients["parasite_drag"].source
+    (line,) = (line for line in told(given(again)) if "fitted to this mission" in line)
+    assert line == (
+        "vehicle: parasite_drag fitted to this mission; theory is compared with what it was fitted to, and every 1σ is "
+        "too small: name it for other missions"
+    )
+    for other in (again.replace(mission.slug, "another"), petrel.coefficients["parasite_drag"].source):
+        assert not any("fitted to this mission" in line for line in told(given(other)))
