@@ -180,7 +180,7 @@ def test_a_pause_of_weeks_may_be_two_missions() -> None:
     (finding,) = pausing(START + day * np.array([0.0, 12.0, 50.0, 50.1]))
     assert str(finding) == (
         "mission: time: found no records for 38 days from 2017-07-26T02:40:00Z to 2017-09-02T02:40:00Z, and 1 more "
-        "such pause; expected one mission; ballast, drag and clocks are taken to be the same throughout: if these are two "
-        "missions, give each a folder of its own"
+        "such pause; expected one mission; ballast, drag and clocks are taken to be the same throughout: if these are "
+        "two missions, give each a folder of its own"
     )
     assert finding.severity == "warning"
