@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import re
 import types
 import typing
 from pathlib import Path
 from typing import Any, Literal, Union
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from pipeline import yamlfile
 from pipeline.findings import InputError, nearest
@@ -18,6 +20,15 @@ FILE = "mission.yaml"
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """Refuse what YAML takes ``yes`` and ``on`` for where it is no answer: it would be taken for 1."""
+        wanted = cls.model_fields[info.field_name or ""].annotation
+        if isinstance(value, bool) and {int, float} & {wanted, *typing.get_args(wanted)}:
+            raise PydanticCustomError("float_type", "a number")
+        return value
 
 
 class PitchCorrection(_Strict):
@@ -246,7 +257,8 @@ def _readable(error: ValidationError, file: str) -> InputError:
     if first["type"] == "missing":
         add = "" if isinstance(first["loc"][-1], int) else f"add '{place}: …'"
         return InputError(file, place, found="nothing", expected="a value", remedy=add)
-    return InputError(file, place, found=repr(first["input"])[:80], expected=_expectation(first))
+    found = "nothing" if first["input"] is None else repr(first["input"])[:80]
+    return InputError(file, place, found=found, expected=_expectation(first))
 
 
 _PLAINER = {
@@ -266,9 +278,21 @@ _PLAINER = {
 }
 
 
+#: Letters of the longest unit; a description without one begins with more.
+_LONGEST_UNIT = 16
+
+
 def _expectation(complaint: Any) -> str:
     message: str = complaint["msg"].split(" should have ")[-1]
-    return _PLAINER.get(complaint["type"], message.removeprefix("Input should be ").removeprefix("Value error, "))
+    words = _PLAINER.get(complaint["type"], message.removeprefix("Input should be ").removeprefix("Value error, "))
+    return words + (_unit(complaint["loc"]) if complaint["type"].startswith(("greater_than", "less_than")) else "")
+
+
+def _unit(loc: tuple[int | str, ...]) -> str:
+    """Return the unit of the number at a location in mission.yaml, with which its description begins."""
+    found = _model_at(loc[:-1]).model_fields.get(str(loc[-1]))
+    unit = re.split("[,;:]", (found.description or "") if found else "")[0]
+    return f" {unit}" if 0 < len(unit) <= _LONGEST_UNIT else ""
 
 
 def _model_at(loc: tuple[int | str, ...]) -> type[BaseModel]:

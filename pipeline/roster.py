@@ -30,6 +30,8 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "report": (*REPORTED, "estimates.nc"),
 }
 STAGES = tuple(OUTPUTS)
+#: What mission.yaml is misspelt as.
+_MISNAMED = ("mission.yml", "Mission.yaml", "mission.yaml.txt")
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,7 @@ def _folders(raw: Path) -> tuple[list[Path], list[Path], list[Finding]]:
         if (folder / missions.FILE).is_file():
             found.append(folder)
         elif any(folder.iterdir()):
+            other = next((name for name in _MISNAMED if (folder / name).is_file()), "")
             strangers.append(
                 Finding(
                     "warning",
@@ -137,7 +140,9 @@ def _folders(raw: Path) -> tuple[list[Path], list[Path], list[Finding]]:
                     "",
                     "no mission.yaml",
                     "one in every folder of logs",
-                    "not analysed; the smallest useful one is 'vehicle: slocum-g2'",
+                    f"not analysed; rename {other} to {missions.FILE}"
+                    if other
+                    else "not analysed; the smallest useful one is 'vehicle: slocum-g2'",
                 )
             )
         else:

@@ -37,7 +37,10 @@ def content(path: Path, name: str, expected: str) -> Any:
     except (yaml.YAMLError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}" if mark else ""
-        raise InputError(name, line, found="text that is not YAML", expected=expected) from error
+        lines = text.splitlines()
+        tab = mark is not None and mark.line < len(lines) and "\t" in lines[mark.line]
+        remedy = "a tab is there; YAML takes spaces" if tab else ""
+        raise InputError(name, line, found="text that is not YAML", expected=expected, remedy=remedy) from error
     twice = _repeated(root)
     if twice is not None:
         key, number = twice

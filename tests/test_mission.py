@@ -120,15 +120,15 @@ def test_a_misspelt_key_is_told_the_nearest(refusal: Refusal, text: str, line: s
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("vehicle: p\nlatitude: 100", "latitude: found 100; expected less than or equal to 90"),
+        ("vehicle: p\nlatitude: 100", "latitude: found 100; expected less than or equal to 90 degrees north"),
         ("vehicle: p\nlatitude: .nan", "latitude: found nan; expected a finite number"),
         ("vehicle: p\nlatitude: north", "latitude: found 'north'; expected a number"),
-        ("vehicle: p\nblock_s: -1", "block_s: found -1; expected greater than 0"),
+        ("vehicle: p\nblock_s: -1", "block_s: found -1; expected greater than 0 s"),
         ("vehicle: p\npitch: {scale: 0.1}", "pitch.scale: found 0.1; expected a size greater than 0.2"),
         ("vehicle: p\npitch: {scale: -0.1}", "pitch.scale: found -0.1; expected a size greater than 0.2"),
         ("vehicle: p\nformat: dbd", "format: found 'dbd'; expected 'auto', 'slocum', 'seaglider' or 'table'"),
         ("vehicle: p\npitch: 5", "pitch: found 5; expected keys and their values"),
-        ("vehicle: p\nfiles: {a.csv: }", "files.a.csv: found None; expected keys and their values"),
+        ("vehicle: p\nfiles: {a.csv: }", "files.a.csv: found nothing; expected keys and their values"),
         ("vehicle: p\nfiles: [a]", "files: found ['a']; expected keys and their values"),
         ("vehicle: p\nnominal: {a: 1}", "nominal: found {'a': 1}; expected a list"),
         ("vehicle: p\ndives: [5, 2]", "dives: found [5, 2]; expected the first dive and the last, in this order"),
@@ -148,7 +148,6 @@ def test_a_misspelt_key_is_told_the_nearest(refusal: Refusal, text: str, line: s
         ),
         ("vehicle: p\ndives: [1]", "dives.1: found nothing; expected a value"),
         ("vehicle: p\ndives: [1, x]", "dives.1: found 'x'; expected a whole number"),
-        ("vehicle:", "vehicle: found None; expected text"),
         ("name: a", "vehicle: found nothing; expected a value; add 'vehicle: …'"),
         ("vehicle: p\nnominal: [{name: a}]",
          "nominal.0.net_buoyancy: found nothing; expected a value; add 'nominal.0.net_buoyancy: …'"),
@@ -161,8 +160,8 @@ def test_a_misspelt_key_is_told_the_nearest(refusal: Refusal, text: str, line: s
             "ballast: found {'mass': 70, 'volume': 0.7}; "
             "expected a mass in kg and a volume in m3 that are 900 to 1100 kg/m3 together",
         ),
-        ("vehicle: p\nballast: {mass: 70000}", "ballast.mass: found 70000; expected less than 5000"),
-        ("vehicle: p\nballast: {volume: 68.5}", "ballast.volume: found 68.5; expected less than 5"),
+        ("vehicle: p\nballast: {mass: 70000}", "ballast.mass: found 70000; expected less than 5000 kg"),
+        ("vehicle: p\nballast: {volume: 68.5}", "ballast.volume: found 68.5; expected less than 5 m3"),
     ],
 )  # fmt: skip
 def test_a_value_out_of_range_is_told_what_is_expected(refusal: Refusal, text: str, line: str) -> None:
@@ -173,7 +172,13 @@ def test_a_value_out_of_range_is_told_what_is_expected(refusal: Refusal, text: s
     ("text", "line"),
     [
         ("vehicle: p\n  name: x: y", "line 2: found text that is not YAML; expected key: value"),
-        ("\tvehicle: p", "line 1: found text that is not YAML; expected key: value"),
+        (
+            "\tvehicle: p",
+            "line 1: found text that is not YAML; expected key: value; a tab is there; YAML takes spaces",
+        ),
+        ("vehicle:", "vehicle: found nothing; expected text"),
+        ("vehicle: p\nlatitude: yes", "latitude: found True; expected a number"),
+        ("vehicle: p\nballast: {volume: on}", "ballast.volume: found True; expected a number"),
         ("vehicle: p\npitch: {scale: 1", "line 2: found text that is not YAML; expected key: value"),
         ("", "found no keys; expected at least 'vehicle: NAME'"),
         ("- vehicle: p", "found no keys; expected at least 'vehicle: NAME'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.findings import Finding
@@ -42,6 +43,21 @@ def told(paths: list[Path]) -> list[Finding]:
         else:
             findings.append(Finding("note", shown, "", what))
     return findings
+
+
+def out_of_reach(folder: Path, logs: Callable[[Path], bool]) -> list[Finding]:
+    """Return a warning about folders within `folder` that hold `logs`, and links to what is not there."""
+    beside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    below = [path.name for path in beside if path.is_dir() and logs(path)]
+    broken = [path.name for path in beside if not path.exists()]
+    return [
+        Finding("warning", listed(names), "", what, expected, f"not read; {todo}")
+        for names, what, expected, todo in (
+            (below, "logs in a folder within the mission's", "logs beside mission.yaml", "put them there, or away"),
+            (broken, "a link to a file that is not there", "a log", "copy the file itself"),
+        )
+        if names
+    ]
 
 
 def listed(names: list[str]) -> str:

@@ -29,6 +29,22 @@ def test_files_beside_the_logs_are_told_and_cost_nothing(mission: Mission) -> No
     ]
 
 
+def test_logs_out_of_reach_are_told(mission: Mission) -> None:
+    (mission.folder / "lost.csv").symlink_to("nowhere.csv")
+    for name in ("more", "plots", ".cache"):
+        (mission.folder / name).mkdir()
+    for name in ("more/ctd.csv", ".cache/ctd.csv", "plots/a.png"):
+        (mission.folder / name).write_bytes(b"x")
+    (mission.folder / "second.csv").mkdir()
+    (mission.folder / "second.csv" / "p1710003.nc").write_bytes(b"x")
+    told = [str(finding) for finding in ingest(mission).findings if "not read; " in str(finding)]
+    assert told == [
+        "more, second.csv: found logs in a folder within the mission's; expected logs beside mission.yaml; not read; "
+        "put them there, or away",
+        "lost.csv: found a link to a file that is not there; expected a log; not read; copy the file itself",
+    ]
+
+
 @pytest.mark.parametrize(
     ("name", "found", "remedy"),
     [
