@@ -200,7 +200,7 @@ def ingest(mission: Mission) -> Ingested:
         findings += doubts
     table = phases.with_phases(table, block_s=mission.block_s, minimum_block_s=mission.minimum_block_s)
     table, notes = merge.selected(table, mission.dives)
-    findings += notes
+    findings += [*notes, *phases.sampled_seldom(table)]
     findings += clock.pausing(table["time"].to_numpy(dtype=np.float64))
     if not (table["block"] >= 0).any():
         findings.append(

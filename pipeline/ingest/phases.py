@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pipeline.findings import Finding
 from pipeline.ingest.seawater import good
 from pipeline.records import TURNING, Phase
 
@@ -32,6 +33,7 @@ _SURFACE = 2.5  # m
 _NEAR_TURN = 90.0  # s
 _SETTLING, _AHEAD = 15.0, 5.0  # s after a change until flight is steady again, and before it
 _LEAST_SAMPLES = 4  # of pressure and of pitch in a block
+_LEAST_IN_DIVE = 10  # samples of each in a dive and its climb: with fewer, half of them are near a turn
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,36 @@ def with_phases(table: pd.DataFrame, *, block_s: float = 300.0, minimum_block_s:
         dives = int(count[-1])
         blocks = _cut(block, time, rows, at, steady, state, tracks, blocks, block_s, minimum_block_s)
     return table.assign(phase=phase, dive=dive, block=block)
+
+
+def sampled_seldom(table: pd.DataFrame) -> list[Finding]:
+    """Return a warning where a dive, in the middle, has too few samples of depth or pitch to show how it was flown.
+
+    Parameters
+    ----------
+    table
+        As `with_phases` returns it.
+    """
+    under = table[(table["dive"] > 0) & (table["phase"] != Phase.SURFACING)]
+    findings = []
+    for name in ("depth", "pitch"):
+        if name not in under:
+            continue
+        _, samples = np.unique(under["dive"].to_numpy()[np.isfinite(good(under, name))], return_counts=True)
+        if not samples.size or (middle := float(np.median(samples))) >= _LEAST_IN_DIVE:
+            continue
+        findings.append(
+            Finding(
+                "warning",
+                "mission",
+                name,
+                f"{middle:g} samples in a dive and its climb (median)",
+                f"{_LEAST_IN_DIVE} or more",
+                "what was flown between them is guessed, and the intervals may be too narrow; if the vehicle has "
+                "recorded more than it sent home, use that",
+            )
+        )
+    return findings
 
 
 @dataclass(frozen=True)

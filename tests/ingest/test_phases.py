@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.ingest.phases import with_phases
+from pipeline.ingest.phases import sampled_seldom, with_phases
 from pipeline.records import Phase
 
 Fly = Callable[..., object]
@@ -48,6 +48,26 @@ def test_every_leg_is_found_and_every_dive_counted(
     assert (sense == true[moving]).mean() > 0.99
     assert found["dive"].max() == sum(b > a for a, b in pairwise(depths))
     assert (np.diff(found["dive"]) >= 0).all()
+
+
+def test_dives_of_a_few_samples_are_told(fly: Fly, table_of: TableOf) -> None:
+    def told(step: float, depth: float) -> list[str]:
+        return [str(each) for each in sampled_seldom(with_phases(table_of(fly([0.0, *[depth, 2.0] * 8], step=step))))]
+
+    seldom = told(60.0, 40.0)
+    assert [line.split(" samples")[0].rstrip("0123456789.") for line in seldom] == [
+        "mission: depth: found ",
+        "mission: pitch: found ",
+    ]
+    assert all(
+        line.endswith(
+            "in a dive and its climb (median); expected 10 or more; what was flown between them is guessed, and the "
+            "intervals may be too narrow; if the vehicle has recorded more than it sent home, use that"
+        )
+        for line in seldom
+    )
+    assert told(4.0, 40.0) == told(60.0, 500.0) == []
+    assert sampled_seldom(with_phases(table_of(fly([0.0, 40.0, 0.0], step=60.0))).assign(dive=0)) == []
 
 
 def test_shallow_dives_of_two_minutes_have_blocks_of_a_minute_or_more(fly: Fly, table_of: TableOf) -> None:
