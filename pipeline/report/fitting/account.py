@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.report.fitting.goodness import NONE
 from pipeline.report.fitting.heldout import LEFT_OUT
 from pipeline.report.fitting.model import Model
-from pipeline.report.fitting.parameters import AT, COEFFICIENTS
+from pipeline.report.fitting.parameters import AT, COEFFICIENTS, NEVER_NEGATIVE
 from pipeline.report.fitting.regression import Problem, Solution
 from pipeline.report.fitting.selection import (
     CONDITION_DOUBTED,
@@ -95,7 +95,8 @@ def account(problem: Problem, alone: Solution, both: Solution, inflation: float)
             f"0 ± {item['prior_std']:.2g} by the vehicle file: both cannot be right"
             for item in parameters
             if item["verdict"].endswith("against the prior")
-        ],
+        ]
+        + [sentence for item in parameters if (sentence := impossible(item))],
     }
 
 
@@ -212,6 +213,21 @@ def _verdict(
     if math.isfinite(prior) and abs(value) > CONTRADICTION * math.hypot(std, prior):
         return "determined by the data, against the prior"
     return "determined by the data"
+
+
+def impossible(item: Mapping[str, Any]) -> str:
+    """Return a sentence on what comes out negative by more than `STRAIN` 1-sigma and cannot be, "" on all else."""
+    base = NEVER_NEGATIVE.get(item["name"])
+    if base is None:
+        return ""
+    whole = item["value"] + (item["vehicle_value"] if math.isnan(base) else base)
+    if not whole < -STRAIN * item["std"]:
+        return ""
+    found = f"{item['symbol']} is {amount(item['value'], item['std'])} {item['unit']} by the data"
+    return (
+        f"{found}: {item['meaning']}, in all, would be negative, which it cannot be; "
+        "something else acts that is not in the model"
+    )
 
 
 def _held(pull: float) -> str:

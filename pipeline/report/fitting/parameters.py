@@ -118,6 +118,16 @@ COEFFICIENTS = (
     "righting_moment",
     "battery_neutral_position",
 )
+#: Corrections of what is never negative, and what each is added to where that is no coefficient of the vehicle file.
+NEVER_NEGATIVE = {
+    "parasite_drag": math.nan,
+    "lift_slope": math.nan,
+    "induced_drag": math.nan,
+    "carried_water": math.nan,
+    "flushing_time": math.nan,
+    "hull_time": 0.0,
+    "thrust_scale": 1.0,
+}
 #: Corrections of lift: depth rate alone does not tell them from drag (see `selection`).
 LIFT = ("lift_slope", "lift_at_zero", "induced_drag")
 #: Corrections that the moment balance alone feels.

@@ -9,9 +9,11 @@ import pytest
 from synthetic import SETTINGS, blocks, level_blocks, steady
 
 from pipeline.records import BLOCKS, conform
+from pipeline.report.fitting.account import impossible, parameter
 from pipeline.report.fitting.fit import FREE, fit
 from pipeline.report.fitting.given import Given
-from pipeline.report.fitting.points import Configuration
+from pipeline.report.fitting.model import Model
+from pipeline.report.fitting.points import Configuration, Points
 
 HOUR = pd.Timedelta(hours=1)
 
@@ -172,3 +174,24 @@ def test_priors_that_contradict_the_data_are_said_to(exact):
     assert len(result["contradictions"]) == 1
     assert result["contradictions"][0].startswith("ΔK_D0 is +")
     assert result["contradictions"][0].endswith("both cannot be right")
+
+
+def test_what_cannot_be_negative_and_comes_out_so_is_said_to_be_something_else(exact):
+    def told(name: str, value: float, std: float) -> str:
+        model = Model(exact, Points.of(blocks(dives=2), exact), (name,))
+        return impossible(parameter(name, model, (value, std), (value, std), 1.0))
+
+    drag = exact["parasite_drag"]
+    assert told("parasite_drag", -0.9 * drag, 0.01) == told("parasite_drag", -1.1 * drag, 0.06 * drag) == ""
+    assert told("thrust_scale", -0.9, 0.1) == told("net_buoyancy", -9.0, 0.1) == told("pitch", -0.1, 0.001) == ""
+    for name, value in (("parasite_drag", -1.1 * drag), ("thrust_scale", -1.3), ("hull_time", -60.0)):
+        line = told(name, value, 0.04 * abs(value))
+        assert line.endswith(
+            "in all, would be negative, which it cannot be; something else acts that is not in the model"
+        )
+    assert line.startswith(
+        "τ_h is −60.0 ± 2.4 s by the data: time in which the hull takes on the water's temperature, in"
+    )
+    assert not any(
+        "negative" in line for line in solve(exact, blocks(dives=8, extra_drag=-0.6 * drag))["contradictions"]
+    )
