@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 #: A date alone, a time of day alone.
 _DAY = re.compile(r"\d{4}[-/]\d{1,2}[-/]\d{1,2}|\d{1,2}[-/.](\d{1,2}|[A-Za-z]{3})[-/.]\d{4}|\d{8}")
 _HOUR = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|UTC|[AaPp][Mm])?")
+#: The end of a time of day on a clock of twelve hours.
+_HALVED = re.compile(r"\d\s*[AaPp][Mm]$")
 #: Hours and minutes before UTC, as a header states them; letters that are no unit of time, and not UTC.
 _OFFSET = re.compile(r"(?:UTC|GMT)\s*([+-])(\d{1,2})(?::?(\d{2}))?", re.IGNORECASE)
 _LETTERS = re.compile(
@@ -387,6 +389,7 @@ def _clock(
         dated = {str(clock.unit): raw[clock.column].to_numpy(dtype=np.float64) for clock in clocks}
         together = ", ".join(f"'{clock.column}'" for clock in clocks)
         return times.assembled(dated, table.timezone, file), [f"{together} are time"], []
+    raw = _spelt_out(raw, [clock.column for clock in clocks])
     parts = [next((clock for clock in clocks if _reads(raw[clock.column], part)), None) for part in (_DAY, _HOUR)]
     if parts[0] is not None and parts[1] is not None:
         day, hour = parts[0].column, parts[1].column
@@ -405,6 +408,18 @@ def _clock(
             seconds = np.where(absent, _seconds(raw[other.column], other.unit, table, file), seconds)
             told.append(f"'{other.column}' is time where '{first.column}' has none")
     return seconds, told, notes
+
+
+def _spelt_out(raw: pd.DataFrame, clocks: list[str]) -> pd.DataFrame:
+    """Return `raw` with a day in one number, where there is a time of day beside it, and that, as texts."""
+    from pipeline.ingest import times
+
+    days = {name: texts for name in clocks if (texts := times.days_as_text(raw[name])) is not None}
+    others = [name for name in clocks if name not in days]
+    hours = {name: texts for name in others if (texts := times.hours_as_text(raw[name])) is not None}
+    if len(days) != 1 or not (hours or any(_reads(raw[name], _HOUR) for name in others)):
+        return raw
+    return raw.assign(**days, **hours)
 
 
 def _with_clock(unit: str | None, column: pd.Series[Any]) -> str | None:
@@ -432,8 +447,13 @@ def _untimed(column: pd.Series[Any], seconds: Array, file: str) -> list[Finding]
     if not wrong.any() or column.dtype.kind == "f":
         return []
     first = str(column[wrong].iloc[0]).strip()
+    if _HOUR.fullmatch(first):
+        found, expected = f"times of day without a date, first '{first}'", "a date with each, or in a column beside it"
+        return [Finding("warning", file, f"column '{column.name}'", found, expected, "those records are left out")]
     zone = _ABBREVIATED.search(first)
     example = f"'%Y-%m-%d %H:%M:%S {zone[1]}'}}, timezone: America/New_York" if zone else "'%d/%m/%Y %H:%M:%S'}"
+    if _HALVED.search(first):
+        example = "'%d/%m/%Y %I:%M:%S %p'}"
     return [
         Finding(
             "warning",

@@ -172,6 +172,38 @@ def _run_together(values: Array) -> Array:
     return np.where(stamps.isna(), np.nan, stamps.asi8 * 1e-9 + np.mod(values, 1.0))
 
 
+def days_as_text(column: pd.Series[Any]) -> pd.Series[Any] | None:
+    """Return a column of numbers that are days run together (20140327) as ISO texts, None where it is none."""
+    parts = _split(column, 1)
+    if parts is None or not (parts[0].between(1990, 2060) & parts[1].between(1, 12) & parts[2].between(1, 31)).all():
+        return None
+    return _joined(column, parts, "-")
+
+
+def hours_as_text(column: pd.Series[Any]) -> pd.Series[Any] | None:
+    """Return a column of numbers that are times of day (70003 is 07:00:03) as texts, None where it is none."""
+    parts = _split(column, 0)
+    if parts is None or not (parts[0].between(0, 23) & parts[1].between(0, 59) & parts[2].between(0, 59)).all():
+        return None
+    return _joined(column, parts, ":")
+
+
+def _split(column: pd.Series[Any], wider: int) -> list[pd.Series[Any]] | None:
+    """Return what the digits of whole numbers, by twos from behind, say: three columns without what is missing."""
+    if column.dtype.kind not in "iuf":
+        return None
+    whole = column.dropna()
+    if whole.empty or not ((whole >= 0) & (whole < 10.0 ** (6 + 2 * wider)) & (whole % 1 == 0)).all():
+        return None
+    whole = whole.astype("int64")
+    return [whole // 10_000, whole // 100 % 100, whole % 100]
+
+
+def _joined(column: pd.Series[Any], parts: list[pd.Series[Any]], between: str) -> pd.Series[Any]:
+    texts = [part.astype("string").str.zfill(2) for part in parts]
+    return (texts[0] + between + texts[1] + between + texts[2]).reindex(column.index).astype(object)
+
+
 def _universal(seconds: Array, timezone: str, file: str) -> Array:
     """Return times told by the clock of a zone, shape (n,), s since 1970 there, as seconds since 1970 UTC."""
     import numpy as np

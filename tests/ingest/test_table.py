@@ -363,6 +363,26 @@ def test_a_date_and_a_time_of_day_in_columns_of_their_own_are_put_together(make:
     )
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "date,time,P\n20160622,0,1\n20160622,1,1\n20160622,,1\n20160622,123456,1\n",
+        "date,time,P\n20160622,000000,1\n20160622,000001,1\n,5,1\n20160622,123456,1\n",
+        "date,time,P\n20160622,00:00:00,1\n20160622,00:00:01,1\n20160622,,1\n20160622,12:34:56,1\n",
+    ],
+    ids=["numbers", "padded numbers", "a clock"],
+)
+def test_a_day_run_together_has_its_time_of_day_beside_it(make: Callable[..., Mission], text: str) -> None:
+    time = table.read(make({"a.csv": text})).streams[0]["time"]
+    assert time.dropna().tolist() == [START, START + 1.0, START + 45296.0]
+
+
+def test_a_day_that_is_none_is_not_put_together(make: Callable[..., Mission]) -> None:
+    for day, hour in (("20161322", "0"), ("20160622", "6000")):
+        with pytest.raises(InputError, match=r"a.csv: .*found times from 2.016\d*e\+07"):
+            table.read(make({"a.csv": f"date,time,P\n{day},{hour},1\n{day},{hour},1\n"}))
+
+
 def test_the_format_of_a_date_may_be_told_with_the_time_of_day_in_another_column(make: Callable[..., Mission]) -> None:
     text = "day,time,pitch (rad)\n6/2/2016,00:00:01,0.1\n6/2/2016,00:00:02,0.1\n"
     mission = make({"a.csv": text}, "files: {a.csv: {time: {column: day, unit: '%m/%d/%Y'}}}\n")
@@ -380,13 +400,20 @@ def test_rows_of_two_computers_have_the_time_of_their_own(make: Callable[..., Mi
 
 
 def test_texts_that_are_no_time_are_shown(make: Callable[..., Mission]) -> None:
-    text = "time,pitch (rad)\n00:00:01,0.1\n00:00:02,0.1\n"
-    assert str(table.read(make({"a.csv": text})).findings[0]) == (
-        "a.csv: column 'time': found 2 of 2 texts that are no time, first '00:00:01'; "
-        "expected ISO 8601, a date and a time of day, or the format given as unit; "
-        "those records are left out; if it is another format, "
-        "files: {a.csv: {time: {column: time, unit: '%d/%m/%Y %H:%M:%S'}}} in mission.yaml says which"
+    def told(first: str) -> str:
+        return str(table.read(make({"a.csv": f"time,pitch (rad)\n{first},0.1\n{first},0.1\n"})).findings[0])
+
+    assert told("00:00:01") == (
+        "a.csv: column 'time': found times of day without a date, first '00:00:01'; expected a date with each, or in a "
+        "column beside it; those records are left out"
     )
+    for first, example in (("2016/174 00:00:01", "%d/%m/%Y %H:%M:%S"), ("2016/174 1:00:01PM", "%d/%m/%Y %I:%M:%S %p")):
+        assert told(first) == (
+            f"a.csv: column 'time': found 2 of 2 texts that are no time, first '{first}'; "
+            "expected ISO 8601, a date and a time of day, or the format given as unit; "
+            "those records are left out; if it is another format, "
+            f"files: {{a.csv: {{time: {{column: time, unit: '{example}'}}}}}} in mission.yaml says which"
+        )
 
 
 def test_a_file_whose_clock_was_set_back_to_1970_costs_that_file(make: Callable[..., Mission]) -> None:
