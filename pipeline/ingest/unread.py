@@ -24,6 +24,8 @@ _BY_EXTENSION = {extension: kind for extensions, kind in _KINDS.items() for exte
 #: What is in folders for other reasons.
 _OWN = (".", "~$", "readme", "license", "licence", "thumbs.db", "desktop.ini", FILE)
 _SHOWN = 4
+#: Folders of results, which are within a mission's where it is worked on in its own folder.
+_RESULTS = ("processed", "reports")
 
 
 def told(paths: list[Path]) -> list[Finding]:
@@ -48,7 +50,7 @@ def told(paths: list[Path]) -> list[Finding]:
 def out_of_reach(folder: Path, logs: Callable[[Path], bool]) -> list[Finding]:
     """Return a warning about folders within `folder` that hold `logs`, and links to what is not there."""
     beside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    below = [path.name for path in beside if path.is_dir() and logs(path)]
+    below = [path.name for path in beside if path.is_dir() and path.name not in _RESULTS and logs(path)]
     broken = [path.name for path in beside if not path.exists()]
     return [
         Finding("warning", listed(names), "", what, expected, f"not read; {todo}")
