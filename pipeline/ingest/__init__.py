@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 #: Formats of the gliders' own computers; the other one is the plain table.
 NATIVE = ("slocum", "seaglider")
-FORMATS = (*NATIVE, "table")
 
 
 @dataclass(frozen=True)
@@ -248,7 +247,10 @@ def _left_out(mission: Mission, form: str) -> list[Finding]:
     tables = set() if form == "table" else set(_reader("table").files(mission.folder)) - read
     truth = mission.folder / _reader("table").TRUTH
     findings = unread.told([path for path in _present(mission) if path not in read | tables | {truth}])
-    findings += unread.out_of_reach(mission.folder, lambda path: any(_reader(name).files(path) for name in FORMATS))
+    readers = [_reader(name) for name in (*NATIVE, "table")]
+    findings += unread.out_of_reach(
+        mission.folder, lambda path: path.is_file() and any(reader.recognises(path) for reader in readers)
+    )
     if tables:
         names = unread.listed(sorted(path.name for path in tables))
         findings.append(Finding("note", names, "", f"plain tables beside {form} files", "", "not read"))

@@ -47,10 +47,11 @@ def told(paths: list[Path]) -> list[Finding]:
     return findings
 
 
-def out_of_reach(folder: Path, logs: Callable[[Path], bool]) -> list[Finding]:
-    """Return a warning about folders within `folder` that hold `logs`, and links to what is not there."""
+def out_of_reach(folder: Path, is_log: Callable[[Path], bool]) -> list[Finding]:
+    """Return a warning about folders within `folder` that hold logs, and links to what is not there."""
     beside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    below = [path.name for path in beside if path.is_dir() and path.name not in _RESULTS and logs(path)]
+    folders = [path for path in beside if path.is_dir() and path.name not in _RESULTS]
+    below = [path.name for path in folders if any(map(is_log, path.iterdir()))]
     broken = [path.name for path in beside if not path.exists()]
     return [
         Finding("warning", listed(names), "", what, expected, f"not read; {todo}")

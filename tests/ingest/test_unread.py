@@ -31,9 +31,9 @@ def test_files_beside_the_logs_are_told_and_cost_nothing(mission: Mission) -> No
 
 def test_logs_out_of_reach_are_told(mission: Mission) -> None:
     (mission.folder / "lost.csv").symlink_to("nowhere.csv")
-    for name in ("more", "plots", ".cache", "reports"):
+    for name in ("more", "plots", ".cache", "reports", "cac"):
         (mission.folder / name).mkdir()
-    for name in ("more/ctd.csv", ".cache/ctd.csv", "plots/a.png", "reports/index.tsv"):
+    for name in ("more/ctd.csv", ".cache/ctd.csv", "plots/a.png", "reports/index.tsv", "cac/00cda96e.cac"):
         (mission.folder / name).write_bytes(b"x")
     (mission.folder / "second.csv").mkdir()
     (mission.folder / "second.csv" / "p1710003.nc").write_bytes(b"x")
