@@ -111,6 +111,23 @@ def test_drag_is_known_to_a_few_percent_after_two_dives_and_buoyancy_better_than
     assert np.mean([case.adjusted.report["converged"] for case in fleet]) > 0.7
 
 
+def test_noise_levels_that_are_open_leave_the_parameters_open_by_what_they_move_them() -> None:
+    """The law of total variance: found again at a level moved by 1-sigma, drag and buoyancy move by the column.
+
+    In a mission where nothing is found at a bound, which a column of covariance does not know.
+    """
+    flown = dives.fly(9, changes={"parasite_drag": 1.1}, dives=((25.0, 4.0, 300.0), (40.0, 7.0, 300.0)), every=12)
+    known = Settings(sigma_w=0.01, tau_w=200.0)
+    stronger = known._replace(sigma_w=0.03, tau_w=600.0)
+    names = [PARAMETERS.index(name) for name in ("parasite_drag", "net_buoyancy")]
+    alone, there = (adjusted(flown, noise=Noise(levels)) for levels in (known, stronger))
+    open_ = adjusted(flown, noise=Noise(known, (stronger,)))
+    np.testing.assert_array_equal(open_.craft.value, alone.craft.value)
+    added = np.sum(open_.columns**2, axis=1) - np.sum(alone.columns**2, axis=1)
+    moved = there.craft.value - alone.craft.value
+    np.testing.assert_allclose(np.sqrt(added[names]), np.abs(moved[names]), rtol=0.15)
+
+
 def test_what_is_only_considered_never_moves_and_keeps_its_spread(fleet: list[Member]) -> None:
     for case in fleet:
         craft, report = case.adjusted.craft, case.adjusted.report["parameters"]
