@@ -48,15 +48,21 @@ def told(paths: list[Path]) -> list[Finding]:
 
 
 def out_of_reach(folder: Path, is_log: Callable[[Path], bool]) -> list[Finding]:
-    """Return a warning about folders within `folder` that hold logs, and links to what is not there."""
+    """Return a warning about folders within `folder` that hold logs or are closed, and links to what is not there."""
     beside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    folders = [path for path in beside if path.is_dir() and path.name not in _RESULTS]
-    below = [path.name for path in folders if any(map(is_log, path.iterdir()))]
+    below, closed = [], []
+    for path in beside:
+        if path.is_dir() and path.name not in _RESULTS:
+            try:
+                below += [path.name] if any(map(is_log, path.iterdir())) else []
+            except PermissionError:
+                closed.append(path.name)
     broken = [path.name for path in beside if not path.exists()]
     return [
         Finding("warning", listed(names), "", what, expected, f"not read; {todo}")
         for names, what, expected, todo in (
             (below, "logs in a folder within the mission's", "logs beside mission.yaml", "put them there, or away"),
+            (closed, "a folder that may not be read", "no logs in it", "see what is in it"),
             (broken, "a link to a file that is not there", "a log", "copy the file itself"),
         )
         if names

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,20 @@ def test_logs_out_of_reach_are_told(mission: Mission) -> None:
         "put them there, or away",
         "lost.csv: found a link to a file that is not there; expected a log; not read; copy the file itself",
     ]
+
+
+def test_a_folder_that_may_not_be_read_is_told(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    (mission.folder / "locked").mkdir()
+    read = Path.iterdir
+
+    def guarded(path: Path) -> Iterator[Path]:
+        if path.name == "locked":
+            raise PermissionError(13, "Permission denied", str(path))
+        return read(path)
+
+    monkeypatch.setattr(Path, "iterdir", guarded)
+    told = [str(finding) for finding in ingest(mission).findings if "not read; " in str(finding)]
+    assert told == ["locked: found a folder that may not be read; expected no logs in it; not read; see what is in it"]
 
 
 @pytest.mark.parametrize(
